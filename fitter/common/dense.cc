@@ -40,15 +40,14 @@ void dtpmqrt_(const char* side, const char* turn, const int* rows, const int* co
               const int* size, const int* trapezoid, const int* block, const double* v,
               const int* stride_v, const double* t, const int* stride_t, double* a,
               const int* stride_a, double* b, const int* stride_b, double* work, int* info);
-// Only where the BLAS is OpenBLAS.
+// Null if the BLAS is not OpenBLAS.
 __attribute__((weak)) void openblas_set_num_threads(int threads);
 }
 
 namespace armtrue {
 namespace {
 
-// Fits already run in parallel (parallel.h); threads of the BLAS beside them would only slow them
-// down.
+// Fits already run in parallel (parallel.h); additional threads of the BLAS would slow them down.
 void be_single_threaded() {
   static const bool done = [] {
     if (openblas_set_num_threads) openblas_set_num_threads(1);
@@ -70,8 +69,8 @@ constexpr Eigen::Index kSmallFactor = 600, kFactorBlock = 192;
 constexpr Eigen::Index kSmallest = 16;
 // Householder reflectors that LAPACK applies as one product.
 constexpr Eigen::Index kReflectorsTogether = 32;
-// In products of more multiplications than this, columns that are mostly zero (those of a table's
-// nodes) are looked for. A column counts as such up to this share of values that are not zero.
+// Products of more multiplications than this treat columns that are mostly zero (those of a table's
+// nodes) separately: columns with at most this share of nonzero values.
 constexpr double kWorthLooking = 1e9, kMostlyZero = 0.1;
 
 // Calls job(first, count) for panels of `columns` columns, in parallel if the work is large enough.
@@ -290,8 +289,8 @@ Eigen::MatrixXd inverse_of_triangle(const Eigen::MatrixXd& lower) {
   return inverse;
 }
 
-// In a lower triangle a column begins at its diagonal, so a product of two columns begins at that
-// of the later one.
+// A column of a lower triangle is zero above its diagonal, so the product of two columns sums from
+// the diagonal of the later one on.
 Eigen::MatrixXd square_of_triangle(Eigen::MatrixXd lower) {
   be_single_threaded();
   const Eigen::Index size = lower.rows();
@@ -348,7 +347,7 @@ Eigen::VectorXd eigenvalues_in_place(const char* vectors, Eigen::MatrixXd& lower
   const int size = static_cast<int>(lower.rows());
   Eigen::VectorXd values(size);
   if (size == 0) return values;
-  // LAPACK says how large its workspaces should be.
+  // The first call returns the sizes of the workspaces.
   const int ask = -1;
   double work_size = 0.0;
   int integer_size = 0, info = 0;

@@ -1,6 +1,6 @@
-// Dense linear algebra by the machine's BLAS and LAPACK. Eigen is compiled for every x86-64, and a
-// BLAS that is tuned to the processor (Debian: OpenBLAS) is several times faster from a hundred
-// unknowns on. -march is no alternative: it would not mix with Ceres' copies of Eigen's templates.
+// Dense linear algebra by the machine's BLAS and LAPACK. Eigen is compiled for any x86-64; a BLAS
+// tuned to the processor (Debian: OpenBLAS) is several times faster from a hundred unknowns on.
+// -march is no alternative: it is not compatible with Ceres' copies of Eigen's templates.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,8 +8,9 @@
 
 namespace armtrue {
 
-/// Cholesky factor in place of a symmetric matrix of which the lower triangle is read and written
-/// (LAPACK dpotrf). False if the matrix is not positive definite; it then holds no factor.
+/// Replaces the lower triangle of a symmetric matrix by its Cholesky factor; only this triangle is
+/// read and written (LAPACK dpotrf). False if the matrix is not positive definite; it then holds no
+/// factor.
 bool factorise_cholesky(Eigen::MatrixXd& lower);
 
 /// L⁻¹ of a lower triangle L; elements above its diagonal are undefined (LAPACK dtrtri).
@@ -50,9 +51,9 @@ struct SymmetricEigen {
 };
 SymmetricEigen symmetric_eigen(Eigen::MatrixXd lower);
 
-/// Least-squares solution x of columns · x = values, for each column of `values`. Where columns
-/// depend on one another, the solution of least norm; `least_share` is the reciprocal condition
-/// number from which they count as dependent (LAPACK dgelsy).
+/// Least-squares solution x of columns · x = values, for each column of `values`. If columns are
+/// linearly dependent, the solution of least norm; `least_share` is the reciprocal condition number
+/// below which they count as dependent (LAPACK dgelsy).
 Eigen::MatrixXd least_squares(Eigen::MatrixXd columns, const Eigen::MatrixXd& values,
                               double least_share = 1e-14);
 

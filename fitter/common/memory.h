@@ -4,8 +4,8 @@
 namespace armtrue {
 
 /// While an object of this class exists, memory that is freed stays with the process (glibc;
-/// elsewhere without effect). A fit with tables builds matrices of tens of megabytes by the
-/// hundred. By default each comes fresh from the system, which has to clear every page of it first.
+/// elsewhere without effect). A fit with tables builds hundreds of matrices of tens of megabytes.
+/// By default the system supplies new pages for each of them and has to clear every page first.
 class KeepsMemory {
  public:
   KeepsMemory();

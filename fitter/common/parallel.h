@@ -19,7 +19,7 @@ inline bool& is_one_of_many() {
   return value;
 }
 
-/// Number of threads that in_parallel would use; 1 on a thread of its own.
+/// Number of threads that in_parallel would use; 1 if called from one of its jobs.
 inline std::size_t processors() {
   return is_one_of_many() ? 1U : std::max(1U, std::thread::hardware_concurrency());
 }
@@ -66,8 +66,8 @@ void in_parallel(std::size_t count, const Job& job) {
   }
 }
 
-/// Calls `job(first, end)` for consecutive pieces of `together` of `count` indices, the last one
-/// shorter, as in_parallel does: for jobs that are too short to run index by index.
+/// Divides `count` indices into consecutive pieces of `together` (the last may be shorter) and
+/// calls `job(first, end)` for each by in_parallel: for jobs that are too short to run one by one.
 template <typename Count, typename Job>
 void in_pieces(Count count, Count together, const Job& job) {
   const auto pieces = static_cast<std::size_t>((count + together - 1) / together);

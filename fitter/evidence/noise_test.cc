@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "fitter/evidence/restricted_likelihood.h"
 #include "fitter/testing/problem.h"
 
 namespace armtrue {
@@ -11,13 +12,15 @@ using nlohmann::json;
 using testing::Problem;
 using testing::Random;
 
-// A fit of geometry to 300 poses whose joints do not repeat by `joint_sigma` [rad]; each pose read
-// `readings` times with `reading_sigma` [m].
+// A fit of geometry to `poses_measured` poses whose joints do not repeat by `joint_sigma` [rad];
+// each pose read `readings` times with `reading_sigma` [m].
 std::unique_ptr<Fit> scattered(std::uint64_t seed, const std::vector<double>& joint_sigma,
-                               double reading_sigma, std::size_t readings) {
+                               double reading_sigma, std::size_t readings,
+                               std::size_t poses_measured = 300) {
   Random random(seed);
   const Problem p(testing::industrial_arm(), testing::geometry_model(),
-                  {300, false, 1, 0.0, 0.0, {}}, random, [](const Parameter&) { return 0.0; });
+                  {poses_measured, false, 1, 0.0, 0.0, {}}, random,
+                  [](const Parameter&) { return 0.0; });
   // Positions are measured with the scattered joints; the file keeps the commanded ones.
   State::Columns columns = p.columns, stood = p.columns;
   for (std::size_t k = 0; k < joint_sigma.size(); ++k) {
@@ -47,6 +50,24 @@ NoiseParts estimated(Fit& fit) {
   const auto width = l.jacobian.cols();
   return estimate_noise(l, l.jacobian, Eigen::MatrixXd::Zero(width, width), -l.residual,
                         broad_noise(l, l.residual), {60, true});
+}
+
+// Slope and information are summed over some poses of a large set: they are still those of all.
+TEST(RestrictedLikelihood, OfManyPoses_SlopeIsThatOfItsValue) {
+  const auto fit = scattered(8, {}, 8e-6, 1, 1300);
+  const Linearization l = linearize(*fit);
+  const auto width = l.jacobian.cols();
+  const Eigen::MatrixXd precision = Eigen::MatrixXd::Zero(width, width);
+  const RestrictedLikelihood likelihood(l, l.jacobian, precision, -l.residual);
+  const auto with_reading = [&](double reading) {
+    NoiseParts parts = broad_noise(l, l.residual);
+    parts.reading = reading;
+    return likelihood.score(parts);
+  };
+  const double at = 2.0, step = 1e-3;
+  const double rise = with_reading(at + step).value - with_reading(at - step).value;
+  const double by_variance = rise / (2.0 * step) / (2.0 * at);
+  EXPECT_NEAR(with_reading(at).slope[0] / by_variance, 1.0, 0.1);
 }
 
 TEST(EstimateNoise, OneJointThatRepeatsBadly_IsNamedWithItsSize) {

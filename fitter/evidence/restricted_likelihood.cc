@@ -31,8 +31,8 @@ Eigen::MatrixXd covariance_of(const PoseParts& pose, const NoiseParts& parts) {
   return v;
 }
 
-// A few equations for every column tell variances to some hundredths: more would take as many
-// times as long.
+// A few equations for every column determine the variances to a few percent; the time grows in
+// proportion to their number.
 std::size_t stride_of(const Linearization& l, Eigen::Index columns) {
   const Eigen::Index wanted = std::max(kFewestEquations, kEquationsPerColumn * columns);
   return static_cast<std::size_t>(std::max<Eigen::Index>(1, l.equations() / wanted));
@@ -148,8 +148,7 @@ Score RestrictedLikelihood::score(const NoiseParts& parts) const {
   for (const Eigen::MatrixXd& root : roots) value += root.diagonal().array().log().sum();
   left -= white.transpose() * coefficients;
 
-  // The sums that the steps compare are averages over poses: some hundreds of them say as much as
-  // all.
+  // A few hundred poses determine the averages of slope and information as well as all.
   const std::size_t stride = std::max<std::size_t>(1, poses_.size() / kPosesLookedAt);
   std::vector<std::size_t> looked_at;
   std::vector<Eigen::Index> equations, place;
@@ -176,6 +175,10 @@ Score RestrictedLikelihood::score(const NoiseParts& parts) const {
     score.slope += own.slope;
     score.information += own.information;
   }
+  // How surely a variance is known depends on all poses.
+  const double all = static_cast<double>(poses_.size()) / static_cast<double>(looked_at.size());
+  score.slope *= all;
+  score.information *= all;
   return score;
 }
 

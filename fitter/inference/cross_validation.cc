@@ -14,8 +14,8 @@
 namespace armtrue {
 namespace {
 
-// An unknown counts as measured by the fold alone if the other rows have less than this share of
-// its information, which may be rounding error.
+// An unknown counts as measured by one fold alone if the other rows hold at most this share of its
+// information: so small a remainder may be rounding error.
 constexpr double kUnseen = 1e-9;
 
 // Unknowns that only rows of this fold measure, such as the position of a reflector that no other
@@ -106,7 +106,7 @@ std::vector<std::vector<double>> held_out_distances(const Design& design,
   const std::vector<double> values = design.unknown_values();
   for (const PenaltyRow& penalty : penalty_rows(design, smoothness_sigma))
     total.add(penalty, values);
-  std::vector<Eigen::Matrix3d> metres;  // per unit of a whitened position
+  std::vector<Eigen::Matrix3d> metres;  // by row: from whitened positions to metres
   for (const std::size_t i : evaluated.index) {
     metres.push_back(
         (std::sqrt(design.weights()[i]) * design.measurements().whiten_position[i]).inverse());

@@ -20,12 +20,13 @@ enum class Folding {
 /// Fold number (0…folds−1) of every row. Deterministic for a seed.
 std::vector<int> make_folds(const Design& design, Folding folding, int folds, std::uint64_t seed);
 
-/// Distance between prediction and measurement [m] of every row with weight, each predicted by the
-/// fit without its fold; for each of `foldings` (fold numbers of every row).
+/// Held-out distance [m] between measured and predicted position of every row, predicted by the fit
+/// without the row's fold; one vector for each of `foldings` (fold numbers of every row). NaN: rows
+/// without weight, and rows with an unknown that no other fold measures.
 ///
-/// The left-out fits are one exact Gauss–Newton step from the full solution (JᵀJ and Jᵀr less the
-/// fold's own): the model is so nearly linear in its parameters that this differs from refitting by
-/// far less than the errors it measures. Rows without weight get NaN.
+/// Each of these fits is one exact Gauss–Newton step from the full solution, with the fold's part
+/// subtracted from JᵀJ and Jᵀr. The model is nearly linear in its parameters, so the difference
+/// from refitting is far below the held-out errors.
 std::vector<std::vector<double>> held_out_distances(const Design& design,
                                                     const EvaluatedRows& evaluated,
                                                     const std::vector<std::vector<int>>& foldings,
@@ -34,13 +35,14 @@ std::vector<std::vector<double>> held_out_distances(const Design& design,
 /// Errors on poses that were held out at random, in blocks of time, and by region, in this order.
 struct CrossValidation {
   std::vector<ErrorSummary> errors = std::vector<ErrorSummary>(3);
-  /// [m] by row: not a number for rows that are kept out of the fit.
+  /// [m] by row, as held_out_distances() returns them.
   std::vector<std::vector<double>> distances = std::vector<std::vector<double>>(3);
 };
 CrossValidation cross_validate(const Design& design, const EvaluatedRows& evaluated, int folds,
                                std::uint64_t seed, double smoothness_sigma);
 
-/// Distances [m] of all rows at the design's present values.
+/// Distance [m] between measured and predicted position of every row, at the design's present
+/// values.
 std::vector<double> residual_distances(Design& design);
 
 /// Summary of the finite distances.

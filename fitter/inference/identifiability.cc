@@ -9,18 +9,18 @@ namespace {
 
 // Standard deviation to which a parameter without prior must be determined: a metre, a radian.
 constexpr double kNoPriorSigma = 1.0;
-// Below this share of a column's own information the remainder is rounding error of JᵀJ.
+// A remainder of at most this share of a column's own information is rounding error of JᵀJ.
 constexpr double kRounding = 3e-13;
 // An effect's coefficient must be determined to a third of its physical bound.
 constexpr double kBoundsPerSigma = 3.0;
 
-// Columns that keep at least this share beside the accepted ones are clearly independent, and are
-// accepted in the order of preference. The others are accepted by largest gain: two nearly parallel
-// axes must not stand in for a shift by turning a hundred times as far against each other.
+// Columns with at least this share of their information independent of the accepted columns are
+// accepted in the order of preference, the others by largest gain. Otherwise two nearly parallel
+// axes could represent a shift by opposite rotations that are a hundred times as large.
 constexpr double kClearShare = 0.1;
 constexpr double kClearlyMore = 1.01;
-// Geometry with a smaller share left is separable by second-order terms only, if at all. Effects
-// are accepted before it, so that it does not take a direction of theirs.
+// Geometry with a smaller independent share is separable by second-order terms only, if at all.
+// Effects are accepted before such geometry, which could otherwise replace an effect.
 constexpr double kFaintShare = 1e-6;
 // Preferences from here on are not geometry.
 constexpr int kFirstEffect = 10;
@@ -52,14 +52,13 @@ double worthwhile_sigma(const Parameter& p) {
   return std::min(prior, p.bound / kBoundsPerSigma);
 }
 
-// Cholesky factorisation of the information on some unknowns, scaled to a unit diagonal, that takes
-// columns one by one and keeps the Schur complement of the others (Golub and Van Loan, Matrix
-// Computations, 4.2.9). An accepted parameter can explain what another does only as far as its
-// prior allows: the moment of a link is not explained by a mass that would have to be ten times as
-// large.
+// Cholesky factorisation of the information on some unknowns, scaled to a unit diagonal. Columns
+// are accepted one by one; the Schur complement of the others is kept (Golub and Van Loan, Matrix
+// Computations, 4.2.9). An accepted parameter explains the effect of another only within its own
+// prior: the moment of a link is not explained by a mass that would have to be ten times as large.
 class RankRevealing {
  public:
-  // `priors`: their information on each of the unknowns; 0: none.
+  // `priors`: the prior's information (1/sigma²) on each of the unknowns; 0: no prior.
   RankRevealing(const Eigen::MatrixXd& information, const std::vector<int>& unknowns,
                 Eigen::VectorXd priors)
       : priors_(std::move(priors)), accepted_at_(unknowns.size(), -1) {
@@ -76,12 +75,12 @@ class RankRevealing {
   }
 
   double own(Eigen::Index v) const { return own_[v]; }
-  // Share of the column that the accepted columns cannot stand in for.
+  // Share of the column's information that is independent of the accepted columns.
   double share(Eigen::Index v) const { return own_[v] > 0.0 ? rest_(v, v) : 0.0; }
   bool is_accepted(Eigen::Index v) const { return accepted_at_[static_cast<std::size_t>(v)] >= 0; }
 
-  // Accepts columns of [begin, end) with at least `least_share` left and a gain above 1: clear ones
-  // in order, then by gain.
+  // Accepts columns of [begin, end) with a gain above 1: first those with a share of at least
+  // kClearShare, in order, then those with at least `least_share`, by largest gain.
   template <typename Gain>
   void accept_between(Eigen::Index begin, Eigen::Index end, double least_share, const Gain& gain) {
     for (Eigen::Index v = begin; v < end; ++v) {
@@ -91,7 +90,8 @@ class RankRevealing {
       Eigen::Index best = -1;
       double most = 1.0;
       for (Eigen::Index v = begin; v < end; ++v) {
-        // Equal gains differ by rounding: the earlier column wins, at every noise level.
+        // Gains that differ only by rounding are equal: the earlier column is accepted, at every
+        // noise level.
         if (is_accepted(v) || share(v) < least_share || gain(v) <= most) continue;
         best = v;
         most = kClearlyMore * gain(v);
@@ -106,7 +106,8 @@ class RankRevealing {
     for (const Eigen::Index v : other.accepted_) accept(v);
   }
 
-  // The accepted column that stands in for most of column v; −1 where none does.
+  // The accepted column with the largest coefficient when the accepted columns reproduce column v;
+  // −1 if none is accepted.
   Eigen::Index largest_stand_in(Eigen::Index v) const {
     const auto count = static_cast<Eigen::Index>(accepted_.size());
     if (count == 0) return -1;
@@ -131,14 +132,14 @@ class RankRevealing {
   }
 
   Eigen::VectorXd own_, priors_;
-  Eigen::MatrixXd rest_;    // Schur complement of what is accepted
-  Eigen::MatrixXd factor_;  // row: column of the information; column: step
+  Eigen::MatrixXd rest_;    // Schur complement of the accepted columns
+  Eigen::MatrixXd factor_;  // row: column of the information; column: order of acceptance
   std::vector<Eigen::Index> accepted_;
   std::vector<int> accepted_at_;
 };
 
-// Gauges and smoothness of tables count as information. Priors do not: the information is judged
-// against them.
+// Gauges and smoothness of tables count as information. Priors do not: identify() compares the
+// information with them.
 Eigen::MatrixXd information_of(const Design& design) {
   const NormalEquations equations = accumulate(design);
   Eigen::MatrixXd information = equations.information.selfadjointView<Eigen::Lower>();
@@ -167,8 +168,8 @@ RankRevealing told_apart(const Design& design, const std::vector<int>& order,
   const auto geometry_end = std::ranges::find_if(
       parameters, [](const Parameter* p) { return preference(*p) >= kFirstEffect; });
   const auto effects = static_cast<Eigen::Index>(geometry_end - parameters.begin());
-  // Geometry is first accepted with loads held: what it does only through the loads of a moved arm,
-  // a mass explains better.
+  // Geometry is accepted first, at constant loads. A mass explains better what geometry does only
+  // by changing the loads.
   RankRevealing unloaded(information_of(design.with_loads_held()), order, priors);
   const auto unloaded_gain = [&](Eigen::Index v) { return gain_in(unloaded, v); };
   unloaded.accept_between(0, effects, kFaintShare, unloaded_gain);

@@ -12,13 +12,13 @@
 namespace armtrue {
 namespace {
 
-// Length of a vector of three independent unit normals (chi with three degrees of freedom): its
-// mean; of its square: the median, and the value that one in a thousand exceeds.
+// Of a vector of three independent unit normals: mean length (chi with three degrees of freedom);
+// median and 99.9 % quantile of its squared length.
 constexpr double kMeanChi3 = 1.5957691;
 constexpr double kMedianChiSquared3 = 2.3659739;
 constexpr double kLargestChiSquared3 = 16.2662362;
 constexpr std::size_t kLeastFreedom = 9;
-constexpr double kAboveResidual = 1.25;  // few repeats alone do not exceed this
+constexpr double kAboveResidual = 1.25;  // chance in few repeats stays below this ratio
 
 // Half the squared change of a pose's error from one visit to the next [m²]. The difference of
 // errors excludes what the model explains (payload, temperature), and consecutive visits exclude
@@ -51,7 +51,7 @@ std::vector<double> half_squares_between_visits(Design& design) {
   return half_squares;
 }
 
-// Source is empty where poses were not repeated often enough.
+// `source` is empty if poses were not repeated often enough.
 NoiseFloor floor_of_repeats(Design& design, const ErrorSummary& train, double effective_unknowns) {
   std::vector<double> half_squares = half_squares_between_visits(design);
   // Visits hours apart also differ by unmodelled effects. Most visits are consecutive, so the

@@ -14,9 +14,9 @@ struct NoiseFloor {
   std::size_t count = 0;  ///< degrees of freedom of repeats or distances
 };
 
-/// From repeats where there are enough, else from stated sigmas, else from distances between
+/// From repeats if there are enough, else from stated sigmas, else from distances between
 /// reflectors. `train`, `effective_unknowns`: of the fit. `stated_sigma`: root mean square per axis
-/// [m], as it was before the fit scaled it.
+/// [m], before the fit scaled it.
 NoiseFloor measure_noise_floor(Design& design, const ErrorSummary& train, double effective_unknowns,
                                double stated_sigma);
 

@@ -5,7 +5,8 @@ namespace {
 
 constexpr int kFolds = 4;
 constexpr double kStep = 2.0, kLargest = 32.0;
-// A smaller weight must reduce the held-out error to this share: a smaller gain may be chance.
+// A smaller weight must reduce the held-out error below this share of the least one so far: a
+// smaller gain may be chance.
 constexpr double kWorthIt = 0.995;
 
 }  // namespace

@@ -61,7 +61,7 @@ std::vector<double> Replicates::worth(double correlation) const {
 
 double Replicates::correlation(const Eigen::VectorXd& residual, int height) const {
   if (!any()) return 0.0;
-  // Sums of squares by size of group are all that the likelihood needs.
+  // The likelihood depends only on the sums of squares by size of group.
   double single = residual.squaredNorm();
   std::map<std::size_t, std::array<double, 3>> sums;  // count, within, size × mean²
   for (const std::vector<Eigen::Index>& group : groups_) {

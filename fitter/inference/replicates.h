@@ -8,9 +8,9 @@
 
 namespace armtrue {
 
-/// Rows that measure the same pose and reflector again. Their errors are taken to have one
-/// correlation among themselves (compound symmetry; Searle, Casella and McCulloch 1992, Variance
-/// Components, ch. 3): 0 where the arm came anew each time, near 1 where one visit was measured
+/// Rows that measure the same pose and reflector again. Their errors are assumed to have one common
+/// correlation (compound symmetry; Searle, Casella and McCulloch 1992, Variance Components, ch. 3):
+/// 0 where the arm approached the pose anew for each reading, near 1 where one visit was measured
 /// often, and in between where a missing effect adds to both.
 class Replicates {
  public:
@@ -22,13 +22,13 @@ class Replicates {
   bool any() const { return !groups_.empty(); }
   /// Places of each group, two or more.
   const std::vector<std::vector<Eigen::Index>>& groups() const { return groups_; }
-  /// Group of every place; −1 where it stands alone.
+  /// Group of every place; −1 where it was not repeated.
   const std::vector<int>& group_of() const { return group_of_; }
 
-  /// Likeliest correlation of residuals with mean zero, `height` values a place.
+  /// Maximum-likelihood correlation of residuals with mean zero, `height` values a place.
   double correlation(const Eigen::VectorXd& residual, int height) const;
-  /// How many independent measurements each place is worth (Kish 1965, Survey Sampling, sec. 5.4:
-  /// the inverse of the design effect): 1 where it stands alone.
+  /// Independent measurements that each place counts as (Kish 1965, Survey Sampling, sec. 5.4: the
+  /// inverse of the design effect): 1 where it was not repeated.
   std::vector<double> worth(double correlation) const;
   /// log |correlation matrix| over all places, for one value a place.
   double log_determinant(double correlation) const;

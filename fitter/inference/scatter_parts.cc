@@ -14,7 +14,7 @@ namespace {
 using Eigen::Index;
 
 constexpr int kScatterPasses = 5;
-// The variance of readings falls to no less than this share of itself in one pass.
+// In one pass, the variance of readings decreases at most to this share of its previous value.
 constexpr double kLeastShare = 0.1;
 // A part counts only if its variance is this many times the standard deviation of its estimate.
 constexpr double kClearly = 3.0;
@@ -25,9 +25,9 @@ constexpr double kLeastLeft = 0.05;
 constexpr std::size_t kMostPoses = 2000;
 // A pose with more readings is split: the work grows with their cube.
 constexpr std::size_t kReadingsTogether = 16;
-constexpr std::size_t kTogether = 64;  // poses that one thread works out at a time
+constexpr std::size_t kTogether = 64;  // poses that one thread processes at a time
 
-// The equations of some rows, by the unknowns that they touch.
+// Jacobian of some rows, restricted to the unknowns that they depend on.
 struct Touched {
   std::vector<int> unknowns;
   Eigen::MatrixXd jacobian;  // equations × unknowns
@@ -56,7 +56,7 @@ Touched touched_by(const EvaluatedRows& evaluated, const std::vector<std::size_t
   return result;
 }
 
-// Rows of `evaluated` by the number that `group_of_row` gives to the design's row.
+// Rows of `evaluated`, grouped by the number in `group_of_row` (indexed by the design's rows).
 std::vector<std::vector<std::size_t>> grouped(const EvaluatedRows& evaluated,
                                               const std::vector<int>& group_of_row) {
   std::map<int, std::vector<std::size_t>> groups;
@@ -258,8 +258,8 @@ Eigen::MatrixXd with_scatter_in_parts(const Design& design, const EvaluatedRows&
       estimate_scatter(scatter_of(design, evaluated, of_poses, covariance, variance), joints);
   if (scatter.segment(1, joints + 1).maxCoeff() <= 0.0) return covariance;
 
-  // The solution changes with a reading by C Jᵀ / variance and with a penalty's centre by C Pᵀ,
-  // where C is the covariance under equal noise in all equations.
+  // Derivatives of the solution: C Jᵀ / variance by a reading, C Pᵀ by a penalty's centre, where C
+  // is the covariance under equal noise in all equations.
   const double reading = std::max(scatter[0], scatter[joints + 2]);
   const double alike = std::min(1.0, reading / variance);
   Eigen::MatrixXd beyond = Eigen::MatrixXd::Zero(covariance.rows(), covariance.cols());

@@ -1,5 +1,5 @@
-// How smooth the tables of a model are: one standard deviation for all, and a factor for each
-// effect that has tables.
+// Smoothness of a model's tables: one standard deviation for all, and a factor for each effect that
+// has tables.
 #pragma once
 
 #include <map>
@@ -11,7 +11,7 @@ namespace armtrue {
 
 struct Smoothness {
   double sigma = 1e-4;                  ///< [rad or m] of second differences
-  double noise = 0.0;                   ///< of a reading, when sigma was chosen [m]
+  double noise = 0.0;                   ///< a reading's sigma [m] when `sigma` was chosen
   std::map<std::string, double> scale;  ///< by effect: factor on sigma
 
   bool operator==(const Smoothness&) const = default;
@@ -24,9 +24,9 @@ bool has_tables(const Model& model);
 /// `factor`.
 void scale_smoothness(Model& model, const std::string& effect, double factor);
 
-/// The smoothness under which the data are likeliest, starting at `present`. The penalties of
-/// `model` contain the factors of `present`, and afterwards those of the result. `design` is of
-/// that model.
+/// The smoothness of largest evidence, searched from `present`. The penalties of `model` contain
+/// the factors of `present` on entry, and those of the result on return. `design` belongs to
+/// `model`.
 Smoothness choose_smoothness(Design& design, Model& model, const Smoothness& present);
 
 }  // namespace armtrue

@@ -29,8 +29,8 @@ bool stands_on_tables(const Design& design, const PenaltyRow& row) {
                      [&](const auto& entry) { return design.is_table_unknown(entry.first); });
 }
 
-// Penalty rows of table nodes: their sum of squares at `values`, and log |P|, summed over tables,
-// as no row contains nodes of two.
+// Penalty rows of table nodes: their sum of squares at `values`, and log |P|, which is a sum over
+// tables, because no row contains nodes of two tables.
 struct Prior {
   double penalty = 0.0, log_determinant = 0.0;
 

@@ -14,9 +14,9 @@ namespace armtrue {
 namespace {
 
 constexpr int kVariancePasses = 6;
-constexpr double kSpreadSettled = 1e-3;  // of the equations
-// With fewer equations per part beyond the unknowns, the scatter of one joint could explain them
-// all.
+constexpr double kSpreadSettled = 1e-3;  // relative to the number of equations
+// Least degrees of freedom per part of the scatter: with fewer, the scatter of one joint could
+// explain all equations.
 constexpr double kEquationsPerPart = 4.0;
 constexpr double kLearntInFull = 1e-300;  // least variance ratio; its logarithm is finite
 
@@ -50,8 +50,8 @@ struct Spread {
   double effective_unknowns = 0.0;
 };
 
-// Unknowns that priors and smoothness hold do not count. Their number depends on the residuals'
-// variance, and the variance on the number: the two are iterated.
+// The number of effective unknowns depends on the residuals' variance and the variance on this
+// number, so both are iterated.
 Spread spread_of(const Design& design, const NormalEquations& equations,
                  const std::vector<PenaltyRow>& penalties, double guess) {
   const std::vector<double> values = design.unknown_values();

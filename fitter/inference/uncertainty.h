@@ -8,7 +8,7 @@
 namespace armtrue {
 
 struct Uncertainty {
-  /// Unknowns less what priors and smoothness hold: the trace of the hat matrix.
+  /// Number of unknowns that the data determine, not priors or smoothness: trace of the hat matrix.
   double effective_unknowns = 0.0;
   /// −log (posterior / prior variance), along the principal directions outside tables.
   Eigen::VectorXd learnt;
@@ -26,7 +26,7 @@ struct Uncertainty {
 Uncertainty measure_uncertainty(const Design& design, const EvaluatedRows& evaluated,
                                 double smoothness_sigma, double guess = 0.0);
 
-/// Covariance of a design's unknowns at its solution, with the scatter of joints and of poses in it
+/// Covariance of a design's unknowns at its solution, including the scatter of joints and of poses
 /// (scatter_parts.h).
 Eigen::MatrixXd covariance_of(const Design& design, double smoothness_sigma, double guess = 0.0);
 

@@ -18,13 +18,13 @@ constexpr std::size_t kFewestRows = 4;
 // Set-ups further apart than this count as separate: the error of the nominal arm is smaller.
 constexpr double kSetUpsApart = 0.01;  // [m, or rad]
 constexpr int kWeightPasses = 6;
-// Weight of the tool's distance from its stated position, as a share of that of the points. So an
-// offset that the points cannot separate between base and tool (a height, if all axes of rotation
-// are vertical) is attributed to the base.
+// Weight of the tool's distance from its stated position, as a share of the points' total weight.
+// It attributes to the base any offset that the points cannot separate between base and tool (a
+// height, if all axes of rotation are vertical).
 constexpr double kToolIsWhereBelieved = 1e-9;
 
-// If the least element of a Cholesky factor's diagonal exceeds this share of the largest, its
-// solution is exact to 1e-8.
+// If the least element of a Cholesky factor's diagonal exceeds this share of the largest, the
+// solution is accurate to 1e-8.
 constexpr double kSurelySolved = 1e-4;
 
 // Flange poses in the base and measured points: all that alignment needs of the arm.
@@ -113,9 +113,9 @@ Eigen::Matrix3d relaxed_inverse_rotation(const Pairs& pairs) {
   return Eigen::Map<const Eigen::Matrix3d>(solution.data()) / spread;
 }
 
-// Normal equations of rows with kShared unknowns common to all reflectors, and the three of their
-// own reflector. Sizes known at compile time matter for speed: a file that does not align is tried
-// from dozens of starts.
+// Normal equations of rows with kShared unknowns common to all reflectors, and three of their own
+// reflector. The sizes are template arguments for speed: a file that does not align is tried from
+// dozens of starts.
 template <int kShared>
 class ByTarget {
  public:
@@ -258,7 +258,7 @@ double unit_of(const Pairs& pairs) {
   return (unit > 0.8 && unit < 1.25) || unit > 1e5 || unit < 1e-5 ? 1.0 : unit;
 }
 
-// The best of several starts, from some of the rows.
+// The best result of several starts, refined on at most kMultiStartRows rows.
 Guess find_base_and_tools(const Pairs& pairs, const Robot& robot) {
   const Pairs some = thin_out(pairs);
   Guess best;
@@ -294,7 +294,7 @@ SetUps set_ups_of(const State& state) {
   return result;
 }
 
-// The rotation and shift that take measured points to where `guess` expects them (Horn 1987).
+// The rotation and shift from measured points to those that `guess` predicts (Horn 1987).
 Pose expected_from_measured(const Pairs& pairs, const Guess& guess) {
   Pose pose = Pose::Identity();
   Eigen::VectorXd weight = Eigen::VectorXd::Ones(pairs.size());

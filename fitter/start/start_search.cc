@@ -22,7 +22,7 @@ constexpr std::size_t kDescents = 6;
 constexpr int kMostIterations = 30;
 
 // min |r + B b + A(theta) c| over b, c and theta, with b eliminated: c are the coefficients whose
-// basis has a nonlinear parameter in it, b all others.
+// basis contains a nonlinear parameter, b all others.
 class ReducedProblem {
  public:
   ReducedProblem(Design& design, double smoothness_sigma)
@@ -92,7 +92,7 @@ class ReducedProblem {
     raw_residual_.resize(all);
     std::vector<Eigen::Triplet<double>> entries;
     MatrixXd information = MatrixXd::Zero(others_, others_);
-    // The entries of the next few equations by column: column, values.
+    // Nonzero columns of the equations that add_equations() adds next: index, values.
     std::vector<std::pair<Index, VectorXd>> own;
     const auto add_equations = [&](Index at) {
       for (const auto& [a, first] : own) {
@@ -169,8 +169,8 @@ class ReducedProblem {
 
   Design& design_;
   std::vector<double> before_;   // unknowns at which the chain is linearised
-  std::vector<bool> searched_;   // of every linear unknown: it is one of c
-  std::vector<Index> position_;  // of every linear unknown, in c or in b
+  std::vector<bool> searched_;   // by linear unknown: true if it belongs to c
+  std::vector<Index> position_;  // by linear unknown: its index in c or b
   Index coefficients_ = 0, others_ = 0;
   std::vector<std::size_t> rows_;
   std::vector<MatrixXd> geometric_;  // whitened, by row
@@ -225,8 +225,8 @@ bool are_neighbours(const Start& a, const Start& b) {
   return true;
 }
 
-// Starts that are better than all their neighbours, best first: starts in one valley would end in
-// the same minimum.
+// Starts that no neighbour in the grid improves on, best first: neighbouring starts in one valley
+// would end in the same minimum.
 std::vector<Start> valleys(std::vector<Start> starts) {
   std::sort(starts.begin(), starts.end(),
             [](const Start& a, const Start& b) { return a.cost < b.cost; });

@@ -7,13 +7,13 @@
 
 namespace armtrue {
 
-/// Unknowns of `design` from which a descent ends in the best minimum that the starts of the
-/// nonlinear parameters lead to.
+/// Values of the unknowns of `design` from which a descent reaches the lowest minimum that was
+/// found from the starts of the nonlinear parameters.
 ///
 /// The chain is linearised once, at the design's present values, on at most a few hundred
-/// measurements. All linear unknowns that do not multiply a nonlinear parameter are projected out
-/// (variable projection: Golub and Pereyra 1973), so that a start costs only its own columns. Every
-/// combination of starts is tried, and a descent follows each of the most promising.
+/// measurements. All linear unknowns whose basis contains no nonlinear parameter are projected out
+/// (variable projection: Golub and Pereyra 1973), so that a start evaluates only the other columns.
+/// Every combination of starts is tried, and a descent follows from each of the best.
 /// Leaves the design at its present values.
 std::vector<double> search_starts(Design& design, double smoothness_sigma);
 

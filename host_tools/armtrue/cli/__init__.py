@@ -12,7 +12,7 @@ INTERRUPTED = 130
 
 
 def main() -> None:
-    """Run the command line and exit; interrupted while it is still being read in, it ends at once and quietly."""
+    """Run the command line and exit; an interrupt during its import ends the process at once, without a message."""
     # An ignored signal (nohup, a shell's background job) stays ignored.
     interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if interruptible:
@@ -20,7 +20,7 @@ def main() -> None:
     if sys.argv[1:] == ["--version"]:
         from armtrue import __version__
 
-        # Answered before the libraries of the command line are read in.
+        # Answered before the libraries of the command line are imported.
         with contextlib.suppress(OSError):
             os.write(sys.stdout.fileno(), f"armtrue {__version__}\n".encode())
             return
@@ -33,7 +33,7 @@ def main() -> None:
     except KeyboardInterrupt:  # on the way out of `app.main`
         os._exit(INTERRUPTED)
     finally:
-        # What is done is done: Python would put the signal's own action back, which is to die of it.
+        # The command has finished. Without this, Python restores the signal's default action, which kills the process.
         if interruptible:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
 

@@ -1,4 +1,4 @@
-"""The command line: its commands, and what becomes of errors.
+"""The command line: its commands, and the exit status and message of each error.
 
 Exit status 2: the input is at fault; 130: interrupted; 141: the reader of the output closed the pipe.
 """
@@ -18,8 +18,8 @@ from armtrue.cli.shared.guard import GuardedGroup, ReaderGoneError
 from armtrue.errors import InputError
 
 INPUT_AT_FAULT = 2
-# 128 + SIGPIPE: what a shell reports of any other command whose reader closed the pipe. Not 0, for what the command
-# was about may not be finished: `armtrue upload … | head -1` ends in the middle of the transfer.
+# 128 + SIGPIPE, which a shell reports of any other command whose reader closed the pipe. Not 0, because the command
+# may be unfinished: `armtrue upload … | head -1` ends in the middle of the transfer.
 READER_GONE = 141
 
 
@@ -104,19 +104,19 @@ def main() -> None:
         print(f"armtrue: {error}", file=sys.stderr)
         sys.exit(INPUT_AT_FAULT)
     except click.ClickException as error:
-        # One sentence here too, where Typer would draw a box.
+        # One sentence, as for other errors; Typer would draw a box.
         print(f"armtrue: {_sentence(error)}", file=sys.stderr)
         sys.exit(INPUT_AT_FAULT)
     except KeyboardInterrupt:
         print("armtrue: interrupted", file=sys.stderr)
         sys.exit(INTERRUPTED)
     except (ReaderGoneError, BrokenPipeError):
-        # Nothing to say and nobody to say it to: what Python still holds for standard output would fail again.
+        # No message, as there is no reader. At exit Python flushes standard output, which would fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(READER_GONE)
     except OSError as error:
         print(f"armtrue: {_place(error)}: {error.strerror or error}", file=sys.stderr)
-        # What standard output could not take would be tried again at the end.
+        # _exit, because at a usual exit Python would write the rest of standard output again.
         sys.stderr.flush()
         os._exit(INPUT_AT_FAULT)
     except MemoryError:
@@ -125,12 +125,12 @@ def main() -> None:
 
 
 def _place(error: OSError) -> str:
-    """What could not be read or written."""
+    """Name of the file that could not be read or written."""
     return str(error.filename) if error.filename else "standard output or a file"
 
 
 def _sentence(error: click.ClickException) -> str:
-    """What was wrong with the words of the command line, and where its help is."""
+    """The error in the command line's arguments, and the command that prints the help."""
     message = " ".join(error.format_message().split()).rstrip(".")
     context = getattr(error, "ctx", None)
     words = context.command_path.removeprefix("python -m ").split()[1:] if context is not None else []

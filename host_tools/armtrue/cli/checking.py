@@ -50,7 +50,7 @@ def check(
 
 
 def _findings_table(findings: list[Finding]) -> Table:
-    """One row a finding; a remedy that several share stands once, under the last of them."""
+    """One row per finding; a remedy that several findings share is printed once, under the last of them."""
     table = Table.grid(padding=(0, 2))
     for number, finding in enumerate(findings):
         table.add_row(_MARKS[finding.severity], finding.code, finding.message)

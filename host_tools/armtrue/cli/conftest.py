@@ -21,8 +21,8 @@ SCENARIO = Path(__file__).resolve().parents[3] / "sim" / "scenarios" / "kr30-ecc
 FIT = ("fit", "data.csv", "--robot", "robot.yaml", "--model", "model.yaml")
 
 
-# To import the libraries takes longer than most commands do. So a server imports them once, and every command is a
-# process forked from it. (Tests of the start itself, and campaigns, run `armtrue` from nothing.)
+# Importing the libraries takes longer than most commands. So a server imports them once, and every command is a
+# process forked from it. (Tests of the start itself, and campaigns, run `armtrue` in a new interpreter.)
 _forks = multiprocessing.get_context("forkserver")
 _forks.set_forkserver_preload(
     ["armtrue._core", "armtrue.report"]

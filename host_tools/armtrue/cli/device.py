@@ -79,7 +79,7 @@ def _transfer_bar(quiet: bool) -> Iterator[Progress]:
         TimeRemainingColumn(),
     )
     console = Console(stderr=True)
-    # A bar that cannot be redrawn in place would only litter a log.
+    # No bar where it cannot be redrawn in place: each update would add a line to a log.
     console.quiet = quiet or not console.is_interactive
     with Progress(*columns, console=console, transient=True) as bar:
         yield bar
@@ -265,7 +265,7 @@ def revert(connection: Connection, json_to: JsonOption = None) -> None:
 
 
 def _order(connection: Connection, word: str, done: str, json_to: str | None) -> None:
-    """One table command, and what the device then has."""
+    """Send one table command, and print the table status after it."""
     output = Output(json_to)
     with connection.compensator() as device:
         device.command(word)

@@ -171,7 +171,7 @@ def _keep_change(before: Fit, after: Fit, out: Path, output: Output) -> None:
 def _without(
     fit: Fit, wanted: dict[str, Any], joints: list[int] | None, origin: Path
 ) -> list[dict[str, Any]]:
-    """The effects of `fit` without those that have what `wanted` has, or without them on `joints`."""
+    """The effects of `fit` without those that match all entries of `wanted`, or without them on `joints` only."""
     effect = wanted["effect"]
     standing = _effects_with_joints(fit)
     alike = [entry for entry in standing if entry["effect"] == effect]

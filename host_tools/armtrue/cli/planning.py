@@ -227,7 +227,7 @@ def _present_ambiguity(ambiguity: Ambiguity | None, plan: Plan, command: str, ou
 
 
 def preference(rival: Rival) -> str:
-    """What the data say of a rival, called the second, beside the first candidate."""
+    """Sentence on whether the data prefer the first candidate or `rival`, called the second."""
     if rival.delta_bic is None:
         return "the second cannot be fitted"
     figure = f"(ΔBIC {rival.delta_bic:+.0f})"
@@ -246,7 +246,7 @@ def preference(rival: Rival) -> str:
 
 
 def _settings_words(plan: Plan) -> str:
-    """Which values the columns besides the joints take."""
+    """The values in the plan's columns other than joints, as text."""
     parts = []
     for name, values in plan.columns.items():
         if name.startswith("q"):
@@ -277,9 +277,9 @@ def _present_separation(plan: Plan, output: Output) -> None:
 
 
 def outlook(separation: dict[str, Any]) -> str | None:
-    """What a pair's expected ΔBIC says where it does not settle the question; None where it does.
+    """Sentence on a pair's expected ΔBIC if the planned poses do not decide it; None if they do.
 
-    None too where the two stay even, which `Plan.decisions` says of both at once.
+    Also None if neither is preferred: `Plan.decisions` states that for both at once.
     """
     cause, rival = separation["truth"], separation["rival"]
     expected = separation["delta_bic_expected"]

@@ -125,7 +125,7 @@ def _present(found: Any, output: Output) -> None:
 
 
 def _with_positions(poses: Path, robot: Robot) -> Dataset | None:
-    """The poses with their positions, where they have such; what cannot be read there does not hinder a prediction."""
+    """The poses with measured positions; None if missing or unreadable, as a prediction does not need positions."""
     try:
         return in_file_order(load_data(poses, robot, strict=False))
     except InputError:

@@ -124,7 +124,7 @@ def export(
     )
     arm = fitted_arm(document, fit_file)
     result = make_image(arm, options, fit_file)
-    # Judged by the firmware's own reader before anything is written.
+    # Checked by the firmware's own reader before anything is written.
     described = describe(Image(result.image, out))
     write_file(out, result.image)
     write_file(sidecar(out), json.dumps(document) + "\n")
@@ -268,7 +268,7 @@ def _refuse_sizes(
         ("--payload-max", payload_max, 0.0, 1e5),
     ]
     for name, value, least, most in limits:
-        # What is not a number compares with nothing.
+        # Every comparison with NaN is false, so NaN is refused as well.
         if value is not None and not least <= value <= most:
             found = f"{value:.10g}" if isinstance(value, float) else value
             raise InputError(f"{name}: found {found}, expected {least:.10g} to {most:.10g}")

@@ -116,12 +116,12 @@ def open_workbench(
             file=sys.stderr,
             flush=True,
         )
-    # A fit that still runs in a thread of its own is of no use any more.
+    # _exit, so as not to wait for a fit that still runs in its own thread and is no longer needed.
     os._exit(0)
 
 
 def _device(interface: str | None, channel: str | None, bitrate: int | None, node: int) -> Device | None:
-    """The compensator on the bus that is named; None where none is."""
+    """The compensator on the given bus; None if no bus is given."""
     if interface is None and channel is None:
         return None
     if interface is None or channel is None:

@@ -1,4 +1,4 @@
-"""Opening any bus that python-can knows, from command-line words."""
+"""Opens any bus that python-can supports, from command-line options."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from can.interfaces import BACKENDS, VALID_INTERFACES
 from armtrue.device.sdo import CommunicationError
 from armtrue.errors import InputError, did_you_mean
 
-# Other interfaces read options that their constructors do not name, some in a vendor's library.
+# Interfaces whose options are all parameters of the constructor; others read more, some in a vendor's library.
 _OPTIONS_ARE_PARAMETERS = ("socketcan", "virtual")
 
 
 @dataclass(frozen=True)
 class BusOptions:
-    """What python-can needs to open a bus; `extra` goes through as it stands (KEY=VALUE)."""
+    """Options with which python-can opens a bus; `extra`: further ones of the interface, as KEY=VALUE."""
 
     interface: str
     channel: str
@@ -58,7 +58,7 @@ class BusOptions:
 
 
 def _option_names(interface: str) -> list[str]:
-    """The options of an interface that has none but its constructor's parameters; empty where that is not known."""
+    """The options of an interface that has only its constructor's parameters; empty for any other interface."""
     if interface not in _OPTIONS_ARE_PARAMETERS:
         return []
     module, name = BACKENDS[interface]
@@ -67,7 +67,7 @@ def _option_names(interface: str) -> list[str]:
 
 
 def _typed(text: str) -> Any:
-    """A number or truth value where the text is one, as python-can's own configuration files do."""
+    """Convert text to a number or truth value if it is one, as python-can does in its configuration files."""
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
     for convert in (int, float):
@@ -90,8 +90,8 @@ def open_bus(options: BusOptions) -> can.BusABC:
     try:
         return _with_errors_of_its_own(can.Bus(**arguments))
     except Exception as problem:
-        # Each interface has its own ways of failing (kvaser without its driver: NameError); a person needs to
-        # know which bus and why.
+        # Interfaces fail with exceptions of many types (kvaser without its driver: NameError); the message names
+        # the bus and the reason.
         raise CommunicationError(
             f"{options.interface} {options.channel}: cannot be opened: {str(problem) or type(problem).__name__}"
         ) from None
@@ -114,7 +114,7 @@ def _with_errors_of_its_own(bus: can.BusABC) -> can.BusABC:
 
 
 def quiet_interfaces() -> None:
-    """Keep python-can's log off stderr: what fails there is said by the exception that it ends in."""
+    """Keep python-can's log off stderr: every failure in it also raises an exception, whose message is printed."""
     log = logging.getLogger("can")
     log.addHandler(logging.NullHandler())
     log.propagate = False

@@ -1,4 +1,4 @@
-"""How long frames occupy a bus, bit by bit (ISO 11898-1): stuff bits counted, not estimated."""
+"""Time that frames occupy a bus (ISO 11898-1); stuff bits of classic frames are counted, not estimated."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def classic_frame_bits(identifier: int, data: bytes, extended: bool = False, rem
 
     Args:
       identifier: 11 or 29 bits.
-      data: the payload; of a remote frame its length only counts in the DLC.
+      data: the payload; of a remote frame only its length is used (DLC).
     """
     bits = [0]
     if extended:

@@ -1,8 +1,7 @@
-"""Whether the drives are those that the controller means: order, sign and scale of the axes, from a bus's frames.
+"""Checks which drive each axis has, and its sign and scale, from the frames of a bus.
 
-Nothing is commanded. While the controller moves the arm, targets and actual positions are compared: the actual
-position that follows an axis's target, at the delay that fits best, tells which drive that is, and the slope its
-sign and scale.
+Nothing is commanded. While the controller moves the arm, targets and actual positions are compared at the delay that
+fits best: the target that an actual position follows identifies its axis, and the slope gives sign and scale.
 """
 
 from __future__ import annotations
@@ -26,19 +25,20 @@ from armtrue.device.cycle_frames import (
 )
 from armtrue.device.sdo import SdoClient
 
-# Increments that an axis has to travel before anything is said of it: far above what a standing drive trembles.
+# Least travel of an axis [increments] for any finding: far above the position noise of a drive at rest.
 LEAST_TRAVEL = 1000
 # Cycles by which an actual position may lag behind its target (following error, bus, filters).
 _LONGEST_DELAY = 60
-# Share of an actual position's variance that a target must explain for the one to follow the other: adapters that
-# deliver in batches and slow machines shift frames by cycles.
+# An actual position follows a target that explains this share of its variance. More is not required, because adapters
+# that deliver in batches and slow machines shift frames by cycles.
 _FOLLOWS = 0.9
-# A second target explains the same motion where it leaves no more than so many times what the best one leaves.
+# A second target explains a motion as well if it leaves at most _AS_GOOD times the variance that the best target
+# leaves, plus _AS_GOOD_SHARE of the total.
 _AS_GOOD = 4.0
 _AS_GOOD_SHARE = 0.002
-# What the slope may differ from one.
+# Tolerated difference of a slope from 1.
 SCALE_TOLERANCE = 0.02
-_MEMORY = 20  # of a lag: what is older weighs nothing
+_MEMORY = 20  # length of the smoothing filter in delays: older targets have no weight
 
 
 @dataclass(frozen=True)
@@ -48,16 +48,16 @@ class Match:
     explained: float
     slope: float
     delay: int  # cycles
-    # The slope on the target as a position loop that lags by `delay` smooths it: its share of fast motion is missing.
+    # The slope on the target after smoothing as by a position loop that lags by `delay`, which attenuates fast motion.
     smoothed_slope: float = 0.0
 
 
 @dataclass(frozen=True)
 class Axis:
-    """What was seen of one axis."""
+    """Observed motion of one axis."""
 
     commanded: float  # travel of its target, increments
-    moved: float | None  # travel of its actual position; None: that was never heard
+    moved: float | None  # travel of its actual position; None: never received
     follows: tuple[int, ...]  # axes, from 1, whose targets its actual position follows
     slope: float | None  # of the actual position over its own target
     delay: int | None  # cycles
@@ -65,15 +65,15 @@ class Axis:
 
 @dataclass(frozen=True)
 class Report:
-    """What a recording says."""
+    """Result of comparing recorded targets and actual positions."""
 
     axes: list[Axis]
     findings: list[str]  # one sentence each
-    unknown: list[str]  # what this motion cannot tell, one sentence each
+    unknown: list[str]  # what this motion does not determine, one sentence each
 
     @property
     def is_right(self) -> bool:
-        """Whether all axes are known to be as the controller means them."""
+        """Whether order, sign and scale of all axes are determined and correct."""
         return not self.findings and not self.unknown
 
     def document(self) -> dict[str, object]:
@@ -87,7 +87,7 @@ class Report:
 
 
 def match(target: Array, actual: Array) -> Match:
-    """The best linear dependence of an actual position on a target that came before it."""
+    """The best linear dependence of an actual position on an earlier target, over all delays."""
     best = Match(0.0, 0.0, 0)
     for delay in range(min(_LONGEST_DELAY, len(target) // 4) + 1):
         commanded, found = target[: len(target) - delay], actual[delay:]
@@ -112,7 +112,7 @@ def match(target: Array, actual: Array) -> Match:
 
 
 def examine(targets: Array, actuals: Array, absent: frozenset[int] = frozenset()) -> Report:
-    """Compare recorded targets with actual positions (cycles × axes; NaN columns: never heard).
+    """Compare recorded targets with actual positions (cycles × axes; NaN columns: never received).
 
     `absent`: axes, from 0, that have no drive; nothing is expected of them.
     """
@@ -144,7 +144,7 @@ def examine(targets: Array, actuals: Array, absent: frozenset[int] = frozenset()
 
 
 def _followed(explained: dict[int, float]) -> tuple[int, ...]:
-    """The axes, from 1, whose targets explain a motion: the best, and those that are as good."""
+    """The axes, from 1, whose targets explain a motion: the best one, and those that explain it as well."""
     left = 1.0 - max(explained.values(), default=0.0)
     if left > 1.0 - _FOLLOWS:
         return ()
@@ -152,10 +152,10 @@ def _followed(explained: dict[int, float]) -> tuple[int, ...]:
 
 
 def _of_its_own(match: Match) -> list[str]:
-    """What is wrong with a drive that follows its target like this.
+    """Errors in sign and scale of a drive that follows a target with `match`.
 
-    Frames that come late by now more, now fewer cycles flatten the slope, and a lagging position loop the motion: the
-    scale lies between it and the inverse of the slope of the target, as such a loop smooths it, on the actual position.
+    A varying delay of the frames flattens the slope, and a lagging position loop attenuates the motion: the scale lies
+    between the slope and the inverse slope of the target, raw or smoothed as by such a loop, on the actual position.
     """
     words = []
     if match.slope < 0.0:
@@ -215,7 +215,7 @@ def _unknown(axes: list[Axis]) -> list[str]:
 
 
 class Listener:
-    """Takes targets and actual positions from the frames of a bus. Asks the device for its mapping alone."""
+    """Takes targets and actual positions from the frames of a bus; reads only the mapping of these from the device."""
 
     def __init__(self, client: SdoClient, joints: int) -> None:
         window_s = 1e-6 * number_of(client, 0x2000, 4)
@@ -230,7 +230,7 @@ class Listener:
         self._rows: list[tuple[list[int], Array]] = []
 
     def take(self, message: can.Message) -> None:
-        """A frame of the bus, in its order."""
+        """Process a frame; frames come in the order of the bus."""
         if message.is_error_frame or message.is_remote_frame:
             return
         key = (message.arbitration_id, message.is_extended_id)
@@ -246,7 +246,7 @@ class Listener:
                 self._latest[axis] = int.from_bytes(value, "little", signed=True)
 
     def recorded(self) -> tuple[Array, Array]:
-        """Targets and actual positions by cycle, from when every position that comes at all had come."""
+        """Targets and actual positions (cycles × axes), from when all axes that send positions had sent one."""
         comes = ~np.isnan(self._latest)
         rows = [row for row in self._rows if not np.isnan(row[1][comes]).any()]
         if not rows:

@@ -1,4 +1,4 @@
-"""One compensator on a bus: its values by name, its table commands, what it says of itself."""
+"""One compensator on a bus: values by name, table commands, status."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ REFUSALS = {
 }
 SELF_TESTS = ("checksums", "object dictionary", "table in force", "buses", "pass-through")
 
-# What is counted with here, and an answer beyond it is none: the numbers that are possible, and how they are said.
+# Values that the host computes with: the valid numbers, and their wording in the error that any other number raises.
 _POSSIBLE = {
     "Compensator status.Joint count": (range(1, 9), "1 to 8"),
     "Table status.Active slot": ((0, 1, NO_SLOT), f"0, 1 or {NO_SLOT}"),
@@ -70,17 +70,17 @@ _INCOMPATIBLE = 0x06040043
 # Erasing a flash sector takes up to two seconds, a signature check tens of milliseconds.
 _COMMAND_TIMEOUT_S = 20.0
 _SAVE = int.from_bytes(b"save", "little")
-# The first request often finds a device that an interrupted client left waiting, so it is given up early.
+# Timeout of the first request, short because an interrupted client often left the device waiting.
 _FIRST_PATIENCE_S = 0.5
 
 
 class DeviceRefusedError(Exception):
-    """The device understood and said no; the message says why and what to do."""
+    """The device refused a request; the message says why and what to do."""
 
 
 @dataclass(frozen=True)
 class Status:
-    """What the device says of itself: the figures of its status objects, by name."""
+    """Values of the device's status objects, by name."""
 
     values: dict[str, int | str]
 
@@ -129,7 +129,7 @@ class Compensator:
         return Status({name: self._plain(name) for name in kept})
 
     def greet(self) -> None:
-        """Begin to talk: end what an interrupted client left behind, and see that the node is a compensator.
+        """End any transfer that an interrupted client left open, and check that the node is a compensator.
 
         Raises DeviceRefusedError if it is some other device.
         """
@@ -139,8 +139,8 @@ class Compensator:
             try:
                 return self._check_product()
             except CommunicationError:
-                # In the middle of a block transfer that nobody goes on with, a server takes requests for segments;
-                # while it commits a table that somebody ordered, it erases flash.
+                # A server in an abandoned block transfer takes requests for segments of it; a server that commits a
+                # table for another client erases flash.
                 self.client.abort(0, 0)
             finally:
                 self.client.timeout_s = usual_s
@@ -155,7 +155,7 @@ class Compensator:
             )
 
     def identify(self) -> Status:
-        """Who the device is and what table it has; small enough to ask before every operation."""
+        """Identity, table and state of the device; few enough values to read before every operation."""
         return self.status(
             "Manufacturer device name", "Manufacturer software version", "Identity object", "Robot serial",
             "Table status", "Compensator control", "Compensator status", "Start and supply",
@@ -166,7 +166,7 @@ class Compensator:
         return bool(self.read_number("Compensator status.Status bits") & 1 << 3)
 
     def warnings(self) -> list[str]:
-        """Why a table would correct nothing, now or after a restart; one sentence each."""
+        """Reasons why a table would correct nothing, now or after a restart; one sentence each."""
         bits = self.read_number("Compensator status.Status bits")
         found = []
         if self.read_number("Compensator control.Mode") == MODES.index("forward"):
@@ -188,7 +188,7 @@ class Compensator:
         return found
 
     def save(self) -> None:
-        """Make the parameters as they are those of every later start (0x1010). Raises DeviceRefusedError."""
+        """Store the present parameters for all later starts (0x1010). Raises DeviceRefusedError."""
         with _refused_for_its_state(_STILL_MOVING_AT_SAVE):
             self.write("Store parameters.Save all parameters", _SAVE, _COMMAND_TIMEOUT_S)
 
@@ -210,7 +210,7 @@ class Compensator:
             transfer(entry.index, entry.sub, image, progress)
 
     def dump(self, progress: ByteProgress) -> bytes:
-        """The image in force. Empty if there is none. Raises CommunicationError if it came damaged."""
+        """The image in force. Empty if there is none. Raises CommunicationError if it arrived damaged."""
         entry = self._entry("Table active image")
         try:
             image = self.client.upload(entry.index, entry.sub, progress)
@@ -218,7 +218,7 @@ class Compensator:
             if refusal.code == 0x08000024:
                 return b""
             raise
-        # Segments carry no checksum; the image does, and the device tells the one of what it holds.
+        # Segments carry no checksum, so the image's own and the one that the device reports are compared.
         found, own = checksum_of(image), own_checksum(image)
         active = self.read_number("Table status.Checksum of active image")
         if not found == own == active:
@@ -229,7 +229,7 @@ class Compensator:
         return image
 
     def self_test(self) -> dict[str, bool]:
-        """Run the device's tests; which passed, by name."""
+        """Run the device's self-tests; returns by name whether each passed."""
         with _refused_for_its_state(STILL_MOVING):
             self.write("Self-test.Run", (1 << len(SELF_TESTS)) - 1, _COMMAND_TIMEOUT_S)
         failed = self.read_number("Self-test.Tests failed")
@@ -256,7 +256,7 @@ class Compensator:
 
 @contextmanager
 def _refused_for_its_state(why: str) -> Iterator[None]:
-    """Raise DeviceRefusedError with `why` where the device refuses what is done meanwhile for the state it is in."""
+    """Raise DeviceRefusedError with `why` if the device refuses a request in the `with` block because of its state."""
     try:
         yield
     except SdoAbortError as refusal:

@@ -1,4 +1,4 @@
-"""The options that every device command shares, written once and given to each."""
+"""The options that all device commands share, and the connection that they describe."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Connection:
 
     @contextmanager
     def bus(self) -> Iterator[can.BusABC]:
-        """The open bus; what goes wrong on it ends the command with one sentence and its exit status."""
+        """The open bus; an error on it ends the command with a message of one sentence and its exit status."""
         quiet_interfaces()
         try:
             options = BusOptions(
@@ -75,7 +75,7 @@ class Connection:
 
     @contextmanager
     def compensator(self) -> Iterator[Compensator]:
-        """The device, known to be a compensator."""
+        """The device, after a check that it is a compensator."""
         with self.bus() as bus:
             device = Compensator(SdoClient(bus, self.node, self.timeout))
             device.greet()
@@ -83,7 +83,7 @@ class Connection:
 
 
 def on_a_bus(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command whose parameter `connection` is a Connection the options that make one."""
+    """Replace a command's parameter `connection` by the command-line options of a Connection."""
     signature = inspect.signature(command, eval_str=True)
     shared = inspect.signature(Connection, eval_str=True).parameters
     own = [parameter for name, parameter in signature.parameters.items() if name != "connection"]

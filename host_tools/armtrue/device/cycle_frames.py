@@ -1,4 +1,4 @@
-"""Targets and corrections of one cycle, from the frames that carry them by the device's PDO mapping."""
+"""Targets and corrections of one cycle, from the frames that the device's PDO mapping assigns to them."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ import can
 from armtrue.device.sdo import SdoClient
 
 TARGET_POSITION, ACTUAL_POSITION, POSITION_OFFSET = 0x607A, 0x6064, 0x60B0
-RECEIVE, TRANSMIT = (0x1400, 0x1600, 19), (0x1800, 0x1A00, 9)  # communication, mapping, how many
+RECEIVE, TRANSMIT = (0x1400, 0x1600, 19), (0x1800, 0x1A00, 9)  # communication, mapping, number of PDOs
 _AXIS_STEP = 0x800
 VALUE_BYTES = 4
-# Frames of one set are this close together, or within the device's own set window where that is longer: their stamps
-# may be those of an adapter that delivers in batches.
+# Frames of one set lie within this time, or within the device's own set window if that is longer: their timestamps
+# may come from an adapter that delivers in batches.
 _LEAST_WINDOW_S = 5e-3
-# Where sets begin is known from so many pauses before each frame, one of which is this much longer than the others.
+# The first frame of a set is known after _PAUSES_KNOWN pauses before each frame of the mapping, if its mean pause is
+# more than _STANDS_OUT times the second longest.
 _PAUSES_KNOWN, _STANDS_OUT = 2, 3.0
-# After so many cycles with one set of offsets each, earlier targets without offsets were dropped by the device.
+# After this many cycles with one set of offsets each, the device has dropped the earlier targets without offsets.
 _STEADY_CYCLES = 5
 
 # Identifier and whether it is extended -> (first byte, axis from 0) of each value.
@@ -26,7 +27,7 @@ Mapping = dict[tuple[int, bool], list[tuple[int, int]]]
 
 @dataclass
 class _Set:
-    """The values of one cycle, as far as they have come."""
+    """The values of one cycle that have been received so far."""
 
     begin: float
     seen: set[tuple[int, bool]]
@@ -35,7 +36,7 @@ class _Set:
 
 @dataclass
 class _Pauses:
-    """How long the bus carried none of the frames before one of them, on average."""
+    """Mean time between one frame of a mapping and the frame of the mapping before it."""
 
     count: int = 0
     mean_s: float = 0.0
@@ -46,7 +47,7 @@ class _Pauses:
 
 
 class FrameSets:
-    """Puts together what the frames of one cycle say of all axes; those of `absent` have no drive and stay at 0."""
+    """Assembles the values of all axes from the frames of one cycle; axes in `absent` have no drive and stay at 0."""
 
     def __init__(
         self, mapping: Mapping, joints: int, window_s: float, absent: frozenset[int] = frozenset()
@@ -58,20 +59,20 @@ class FrameSets:
         self._pauses: dict[tuple[int, bool], _Pauses] = {key: _Pauses() for key in self._mapping}
 
     def belongs(self, message: can.Message) -> bool:
-        """Whether this frame carries values of ours."""
+        """Whether this frame is one of the mapping."""
         return (message.arbitration_id, message.is_extended_id) in self._mapping
 
     @property
     def has_begun(self) -> bool:
-        """Whether a part of a set has come."""
+        """Whether part of a set has been received."""
         return self._set is not None
 
     def divide(self) -> None:
-        """What has come so far belongs to no later frame."""
+        """Drop an incomplete set: the next frame begins a new one."""
         self._set = None
 
     def take(self, message: can.Message) -> list[int] | None:
-        """All axes' values, with the frame that makes them whole."""
+        """The values of all axes if this frame completes a set, else None."""
         key = (message.arbitration_id, message.is_extended_id)
         places, data = self._mapping[key], bytes(message.data)
         if len(data) < max(place for place, _ in places) + VALUE_BYTES:
@@ -94,10 +95,10 @@ class FrameSets:
         return [held.values.get(axis, 0) for axis in range(self._joints)]
 
     def _first_of_a_set(self, key: tuple[int, bool], stamp_s: float) -> tuple[int, bool] | None:
-        """The frame before which the controller pauses, by all that came; None where no frame stands out.
+        """The frame before which the controller pauses, by the mean pauses so far; None if no frame stands out.
 
-        A client that begins to listen in the middle of a set would otherwise join each set's end to the next one's
-        beginning for as long as both lie within the window.
+        Otherwise a client that begins to listen within a set would join the end of each set to the beginning of the
+        next one, as long as both lie within the window.
         """
         if self._last_s is not None:
             self._pauses[key].add(stamp_s - self._last_s)
@@ -110,15 +111,15 @@ class FrameSets:
 
 
 class CycleFrames:
-    """Follows the frames of a device's joint path.
+    """Pairs the targets and the offsets of a device's cycles, from their frames.
 
-    Offsets do not say which targets they answer. They are paired with the targets just before them only while no
-    earlier targets wait for an answer: a device that is late sends the offsets of an earlier cycle after the targets
-    of the next one.
+    Frames of offsets do not name their targets. Offsets are paired with the targets just before them only while no
+    earlier targets lack their offsets: a device that is late sends the offsets of one cycle after the targets of the
+    next.
     """
 
     def __init__(self, client: SdoClient, joints: int) -> None:
-        """Ask the device which frames those are."""
+        """Read from the device which frames carry targets and offsets."""
         window_s = 1e-6 * number_of(client, 0x2000, 4)
         self._sync = number_of(client, 0x1005, 0) & 0x7FF
         targets = mapping_of(client, *RECEIVE, TARGET_POSITION)
@@ -126,20 +127,20 @@ class CycleFrames:
         self._targets = FrameSets(targets, joints, window_s, absent)
         self._offsets = FrameSets(mapping_of(client, *TRANSMIT, POSITION_OFFSET), joints, window_s, absent)
         self._asked: list[int] | None = None
-        self._answers: list[list[int]] = []  # since those targets
-        # Earlier sets of targets that offsets may still answer: at first nobody knows.
+        self._answers: list[list[int]] = []  # offsets received since the targets in _asked
+        # Earlier sets of targets whose offsets may still arrive; unknown at the start, so one is assumed.
         self._unanswered = 1
         self._steady_cycles = 0
         self.forget()
 
     def forget(self) -> None:
-        """Drop the values seen so far: what the attributes then hold has come since."""
+        """Clear the values seen so far, so that the attributes hold only later ones."""
         self.targets: list[int] | None = None
         self.corrections: list[int] | None = None
         self.pair: tuple[list[int], list[int]] | None = None
 
     def take(self, message: can.Message) -> None:
-        """A frame of the bus, in its order."""
+        """Process a frame; frames come in the order of the bus."""
         if message.is_error_frame or message.is_remote_frame:
             return
         if message.arbitration_id == self._sync and not message.is_extended_id:
@@ -158,7 +159,7 @@ class CycleFrames:
                 self._answers.append(corrections)
 
     def _conclude(self) -> None:
-        """Judge the cycle that ends where the next targets begin."""
+        """End a cycle, at the first frame of the next targets; pair targets and offsets if they are of one cycle."""
         asked, answers = self._asked, self._answers
         self._asked, self._answers = None, []
         if len(answers) != 1:
@@ -178,21 +179,21 @@ def number_of(client: SdoClient, index: int, sub: int) -> int:
 
 
 def axes_of(mapping: Mapping) -> set[int]:
-    """Axes, from 0, of which a mapping carries the object."""
+    """Axes, from 0, whose object a mapping contains."""
     return {axis for places in mapping.values() for _, axis in places}
 
 
 def axes_without_drives(client: SdoClient, joints: int, targets: Mapping) -> frozenset[int]:
-    """Axes, from 0, that a table in force calls passive: a device that needs no target of an axis says that it has all.
+    """Axes, from 0, that the table in force calls passive: not mapped, although the device reports all targets mapped.
 
-    Before such a table every axis counts as one with a drive.
+    Without such a table every axis counts as one with a drive.
     """
     has_all = number_of(client, 0x2001, 2) & 1
     return frozenset(set(range(joints)) - axes_of(targets)) if has_all else frozenset()
 
 
 def mapping_of(client: SdoClient, communication: int, mapping: int, count: int, wanted: int) -> Mapping:
-    """Where the valid PDOs of one direction carry an object of the axes."""
+    """Places of one object of the axes in the valid PDOs of one direction."""
     found: Mapping = {}
     for number in range(count):
         identifier = number_of(client, communication + number, 1)

@@ -1,4 +1,4 @@
-"""What a table image says of itself, read on the host before a byte is sent."""
+"""Header and checksum of a table image, read on the host before a byte is sent."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class ImageInfo:
     sequence: int
     robot_serial: str
     is_signed: bool
-    checksum: int  # CRC-32 of all but itself, as the device reports it of what it holds
+    checksum: int  # CRC-32 of all bytes before it; the device reports the same of an image that it holds
 
 
 def checksum_of(image: bytes) -> int:
@@ -32,7 +32,7 @@ def checksum_of(image: bytes) -> int:
 
 
 def own_checksum(image: bytes) -> int:
-    """The checksum that an image carries."""
+    """The checksum stored in an image."""
     return int.from_bytes(image[-layout.CHECKSUM.size :], "little")
 
 

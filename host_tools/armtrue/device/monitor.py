@@ -1,4 +1,4 @@
-"""Watching a compensator live: what is commanded, what is corrected, and how busy the bus is."""
+"""Live view of a compensator: targets, corrections, limits, counters and bus load."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _COUNTERS = (
     "Worst cycle (us)",
 )  # fmt: skip
 
-# Where a snapshot's joint values are from: the frames of one cycle, or objects that were asked for one after another.
+# Source of a snapshot's joint values: the frames of one cycle, or objects that were read one after another.
 FRAMES, SAMPLES = "frames", "samples"
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What was seen at one moment."""
+    """State of device and bus at one moment."""
 
     seconds: float
     state: str
@@ -42,14 +42,14 @@ class Snapshot:
     streaming: bool
     targets: list[int]  # increments
     corrections: list[int]  # increments
-    targets_from: str  # FRAMES or SAMPLES; with both from frames they are of the same cycle
+    targets_from: str  # FRAMES or SAMPLES; if both are FRAMES, targets and corrections are of the same cycle
     corrections_from: str
     clamps: list[str]  # of any joint, in the last cycle
     clamped_cycles: list[int]  # since its start, by joint
     counters: dict[str, int]
-    bus_state: str  # of the bus that we are on
+    bus_state: str  # of the bus that this host is on
     downstream_bus_state: str
-    downstream_frames: int  # received and sent there; none: the device has no such port, or nothing is on it
+    downstream_frames: int  # received and sent there; 0: the device has no such port, or nothing is on it
     bus_load: float  # share of the nominal bit rate since the last snapshot
     frames_per_second: float
 
@@ -59,7 +59,7 @@ class Snapshot:
 
 
 class _Tap:
-    """Counts what passes, and the time that it took on the wire."""
+    """Counts frames and the time that they occupied the bus."""
 
     def __init__(self, bitrate: int, data_bitrate: int) -> None:
         self._bitrate, self._data_bitrate = bitrate, data_bitrate
@@ -67,13 +67,13 @@ class _Tap:
         self.frames = 0
 
     def count(self, message: can.Message) -> None:
-        """One frame more."""
+        """Add one frame."""
         self.seconds += frame_seconds(message, self._bitrate, self._data_bitrate)
         self.frames += 1
 
 
 class Monitor:
-    """Takes snapshots over one bus; everything that passes meanwhile is counted, and recorded where wanted."""
+    """Takes snapshots over one bus; all frames are counted, and recorded if there is a `recording`."""
 
     def __init__(
         self,
@@ -84,7 +84,7 @@ class Monitor:
         data_bitrate: int,
         recording: Recording | None = None,
     ) -> None:
-        """Find the device. Raises as Compensator.greet; the recording is kept from its answer on."""
+        """Find the device. Raises as Compensator.greet; the recording is kept once the device has answered."""
         self._tap = _Tap(bitrate, data_bitrate)
         self._bus = _Watched(bus, self._tap, recording)
         self._device = Compensator(SdoClient(self._bus, node_id, timeout_s))
@@ -96,7 +96,7 @@ class Monitor:
         self._joint_path(*self._mode_and_bits())
 
     def snapshots(self, period_s: float, duration_s: float | None) -> Iterator[Snapshot]:
-        """One snapshot a period, and one when the duration is over (None: for ever)."""
+        """One snapshot per period, and one at the end of the duration (None: endless)."""
         begin = last = time.monotonic()
         end = float("inf") if duration_s is None else begin + duration_s
         while last < end:
@@ -144,10 +144,10 @@ class Monitor:
         return [self._device.read_number(f"Axis {axis} {name} (inc)") for axis in range(1, self._joints + 1)]
 
     def _joint_path(self, mode: int, bits: int) -> tuple[list[int] | None, list[int] | None]:
-        """Targets and corrections as frames showed them since the last snapshot, None where they did not."""
+        """Targets and corrections from the frames since the last snapshot; None for those without frames."""
         seen = self._bus.cycles
         if (mode, bits & 1) != self._mapped_while:
-            # The mapping is asked for once, and again when something has been set up.
+            # The PDO mapping is read once, and again when the mode or status bit 0 (mapping complete) changes.
             self._mapped_while = (mode, bits & 1)
             self._bus.cycles = CycleFrames(self._device.client, self._joints)
         if seen is None:
@@ -179,8 +179,8 @@ class _Watched:
         return message
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """As can.BusABC.send; what we send occupies the bus as well."""
-        # Noted before it leaves: an answer may be here, or Ctrl-C, before `send` is over.
+        """As can.BusABC.send; sent frames occupy the bus as well."""
+        # Recorded before it is sent: an answer or Ctrl-C may arrive before `send` returns.
         if self._recording is not None:
             self._recording.sent(msg, time.time())
         try:

@@ -1,4 +1,4 @@
-"""A log of everything on one bus, ours included, in the order of time."""
+"""A log of all frames on one bus, received and sent, in order of time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from can.io import MESSAGE_WRITERS
 from armtrue.errors import InputError
 from armtrue.io.files import check_writable
 
-# A stamp that is further from this machine's clock is not of it (some adapters count from their own start).
+# A timestamp that differs more from this machine's clock is of another one (some adapters count from their own start).
 _SAME_CLOCK_S = 60.0
 
 
@@ -32,7 +32,7 @@ def channel_label(interface: str, channel: str) -> str:
 
 
 class Recording:
-    """Writes beside the file, and takes the file's name at its end if `keep` was called. A context manager."""
+    """Context manager that writes beside the file, and at exit renames to it if `keep` was called, else deletes."""
 
     def __init__(self, file: Path, label: str) -> None:
         check_writable(file)
@@ -57,7 +57,7 @@ class Recording:
             ) from None
 
     def received(self, message: can.Message) -> None:
-        """A frame from the bus. Its stamp stays where it is of this machine's clock, else it is that of arrival."""
+        """Write a received frame; a timestamp that is not of this machine's clock becomes the time of arrival."""
         now = time.time()
         if abs(message.timestamp - now) > _SAME_CLOCK_S:
             message.timestamp = now
@@ -66,22 +66,22 @@ class Recording:
         self._write(message)
 
     def sent(self, message: can.Message, moment: float) -> None:
-        """A frame of ours that is being given to the bus at a time of time.time()."""
+        """Queue a frame that this program sends at `moment`, a time of time.time()."""
         ours = copy.copy(message)
         ours.timestamp, ours.is_rx = moment, False
         self._ours.append(ours)
 
     def withdraw(self) -> None:
-        """What was sent last was not taken by the bus."""
+        """Remove the frame sent last: the bus did not accept it."""
         self._ours.pop()
 
     def settle(self) -> None:
-        """Nothing waits to be received: what we sent is older than all that follows."""
+        """Write the queued sent frames: no received frame is waiting, so all that follow are newer."""
         while self._ours:
             self._write(self._ours.popleft())
 
     def keep(self) -> None:
-        """From now on the recording is worth its name, however it ends."""
+        """Keep the recording at exit, even after an error."""
         self._keep = True
 
     def __enter__(self) -> Self:

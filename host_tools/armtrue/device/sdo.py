@@ -1,7 +1,7 @@
 """SDO client (CiA 301, 7.2.4.3): expedited, segmented and block transfer over a python-can bus.
 
-Written here because a table is worth a transfer that is right in every size: PyPI canopen's block
-writer ends early when its chunks are not multiples of seven bytes (its issue 618).
+An own implementation, because tables of every size must be transferred correctly: the block writer
+of PyPI canopen ends early when its chunks are not multiples of seven bytes (its issue 618).
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from typing import Protocol
 import can
 
 SEGMENT = 7
-# One attempt is over when the server has been silent for this long; the server's own limit is 2 s, and
-# after half of that it says how far a block got.
+# A request fails when the server has been silent for this long. The server's own timeout is 2 s; after
+# half of that it reports how far a block got.
 DEFAULT_TIMEOUT_S = 3.0
 
-# More than any object of a compensator holds: an upload that announces more, or goes on, is given up.
+# More than any object of a compensator holds: an upload that announces or sends more is aborted.
 _LARGEST_UPLOAD_BYTES = 64 * 1024
 _SWEEP_S = 0.5
-# A lost segment is sent again with the next block, and so is a lost block's beginning; a device that takes nothing
-# of so many never will.
+# Lost segments are sent again with the next block. After this many blocks in a row of which the server took no
+# segment, the transfer is aborted.
 _BARREN_BLOCKS = 4
 _ABORT_TEXT = {
     0x05030000: "toggle bit not alternated",
@@ -54,7 +54,7 @@ _ABORT_TEXT = {
 
 
 class CommunicationError(Exception):
-    """The bus could not be used, or nobody answered. The message is one line, whatever it quotes."""
+    """The bus could not be used, or the node did not answer correctly. The message is always one line."""
 
     def __init__(self, message: str) -> None:
         super().__init__(" ".join(message.split()))
@@ -74,7 +74,7 @@ ByteProgress = Callable[[int, int], None]
 
 
 def _no_progress(done: int, total: int) -> None:
-    """Nobody waits."""
+    """Ignore the progress."""
 
 
 def crc16(data: bytes) -> int:
@@ -88,13 +88,13 @@ def crc16(data: bytes) -> int:
 
 
 class Bus(Protocol):
-    """What of a can.BusABC a client needs."""
+    """The methods of can.BusABC that a client uses."""
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Queue a frame."""
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Take the next frame, None where none came in time."""
+        """Take the next frame; None if none came in time."""
 
 
 class SdoClient:
@@ -174,7 +174,7 @@ class SdoClient:
     def download_block(
         self, index: int, sub: int, data: bytes, progress: ByteProgress = _no_progress
     ) -> None:
-        """Write an object of at least one byte in blocks, with CRC; what gets lost is sent again."""
+        """Write an object of at least one byte in blocks, with CRC; lost segments are sent again."""
         request = self._multiplexed(0xC6, index, sub, len(data).to_bytes(4, "little"))
         answer = self._initiate(index, sub, request)
         if answer[0] >> 5 != 5 or answer[0] & 3 != 0:
@@ -205,7 +205,7 @@ class SdoClient:
             raise self._confused(answer, "the end of a block download")
 
     def _block_size(self, answer: bytes, at: int) -> int:
-        """Segments of the next block: seven bits number them (CiA 301, 7.2.4.3.9)."""
+        """Number of segments in the next block: segment numbers have seven bits (CiA 301, 7.2.4.3.9)."""
         if not 1 <= answer[at] <= 127:
             raise self._confused(answer, "a block of 1 to 127 segments")
         return answer[at]
@@ -218,15 +218,15 @@ class SdoClient:
         return bytes([command, index & 0xFF, index >> 8, sub]) + data
 
     def _initiate(self, index: int, sub: int, request: bytes, timeout_s: float | None = None) -> bytes:
-        """The answer to a request that names its object. Answers about other objects are somebody else's, or of a
-        transfer that was interrupted: they are passed over.
+        """The answer to a request that names its object. Answers about other objects are ignored: they belong to
+        another client or to an interrupted transfer.
         """
         return self._ask(index, sub, request, timeout_s, request[1:4])
 
     def _ask(
         self, index: int, sub: int, request: bytes, timeout_s: float | None = None, place: bytes | None = None
     ) -> bytes:
-        # Whatever is left over belongs to no request of ours; a bus that is never idle has no end of it.
+        # Frames received before the request do not answer it. _SWEEP_S limits the loop on a bus that is never idle.
         give_up = time.monotonic() + _SWEEP_S
         while self._bus.recv(0.0) is not None and time.monotonic() < give_up:
             pass
@@ -240,7 +240,7 @@ class SdoClient:
             try:
                 self._bus.send(message, timeout=self.timeout_s)
             except can.CanOperationError as problem:
-                # A transmit queue that is full empties by itself; a bus that is gone does not.
+                # A full transmit queue empties by itself, so sending is repeated; a failed bus ends in the timeout.
                 if time.monotonic() > give_up:
                     raise CommunicationError(f"cannot send on the bus: {problem}") from None
                 time.sleep(0.001)
@@ -272,7 +272,7 @@ class SdoClient:
         )
 
     def _given_up(self, index: int, sub: int, why: str) -> CommunicationError:
-        """Tell the server that a transfer which leads nowhere is over."""
+        """Abort a transfer that cannot succeed; returns the error to raise."""
         self.abort(index, sub)
         return CommunicationError(f"node {self.node_id} {why} (object 0x{index:04X} sub {sub}): given up")
 

@@ -1,4 +1,4 @@
-"""The upload: compare, transfer, verify, commit, put on trial, read back. Every step can be repeated."""
+"""Upload of a table: compare, transfer, verify, commit, put on trial, read back. Every step can be repeated."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _RECEIVED = 2
 
 @dataclass(frozen=True)
 class Step:
-    """One thing that was done, for people and programs."""
+    """One completed step, for people and programs."""
 
     name: str
     note: str = ""
@@ -78,7 +78,7 @@ def upload_image(
     block: bool = True,
     confirm: bool = False,
 ) -> UploadResult:
-    """Bring an image into force on a device, going on from wherever an earlier attempt was interrupted.
+    """Bring an image into force on a device; an attempt that was interrupted is continued.
 
     Args:
       device: the compensator.
@@ -161,7 +161,7 @@ def _transfer(
     block: bool,
     result: UploadResult,
 ) -> None:
-    """Transfer with a clean restart after an interruption."""
+    """Transfer an image, and start again from the beginning if the transfer fails."""
     begin = time.monotonic()
     frames = device.client.frames
     for attempt in range(1, TRANSFER_ATTEMPTS + 1):

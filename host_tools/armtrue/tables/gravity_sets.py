@@ -21,8 +21,8 @@ _MOMENT = re.compile(r"^(tau|gmx|gmy)(\d+)$")
 # rounding in double precision leaves some 1e-16 of that value.
 _LAST_PLACE = 2.0**-30
 
-# A sum over the arm may pass through larger values than its end; three bits for that and for posture.
-_HEADROOM_BITS = 27
+# Bits of the device's 32 that a set's largest moment or torque fills.
+_LARGEST_BITS = 30
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class GravitySets:
                 0,
                 fraction_for(
                     self._largest(mass_set),
-                    bits=_HEADROOM_BITS + 3,
+                    bits=_LARGEST_BITS,
                     most=30 if mass_set.carries_payload else 60,
                 ),
             )

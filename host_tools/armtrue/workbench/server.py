@@ -60,7 +60,7 @@ class Server(ThreadingHTTPServer):
     """Serves one engine. `address`: the URL that the user opens."""
 
     daemon_threads = True
-    # A tab that goes away while it is answered is nothing to report.
+    # The server does not wait for requests of tabs that were closed.
     block_on_close = False
 
     def __init__(self, engine: Engine, port: int) -> None:

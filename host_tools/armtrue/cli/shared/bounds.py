@@ -1,4 +1,4 @@
-"""Fitted values that lie outside what is physical: by the bound and the sign that each parameter brings."""
+"""Fitted values outside their physical range, which the bound and the sign of each parameter give."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from typing import Any
 
 from armtrue.units import value_and_sigma
 
-# Within so many standard deviations of its bound a value may lie inside.
+# A value beyond its bound by less than this many standard deviations may be inside.
 _SIGMAS = 2.0
 
 
 def outside_words(parameter: dict[str, Any]) -> str:
-    """`outside 0 to 200 µrad/Nm` where the value is, by more than its uncertainty, beyond its bound; else nothing."""
+    """`outside 0 to 200 µrad/Nm` if the value is beyond its bound by more than its uncertainty, else an empty text."""
     bound = parameter.get("bound") or 0.0
     if not bound or parameter.get("held") or parameter.get("fixed"):
         return ""
     sign = parameter.get("sign", 0)
-    # What has a sign by physics, such as a spring that yields, ends at zero.
+    # The range of a parameter with a physical sign, such as a compliance, ends at zero.
     lowest, highest = (0.0 if sign > 0 else -bound), (0.0 if sign < 0 else bound)
     margin = _SIGMAS * (parameter.get("sigma") or 0.0)
     if lowest - margin <= parameter["value"] <= highest + margin:

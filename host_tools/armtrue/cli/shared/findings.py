@@ -1,4 +1,4 @@
-"""A diagnosis as people read it in the terminal."""
+"""A diagnosis as text in the terminal."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def present_diagnosis(
         output.title("Not testable with what was recorded")
         output.items([f"{entry['effect']} needs {_words(entry['needs'])}" for entry in result["untestable"]])
     advice = result.get("advice", [])
-    # What is not testable stands above, effect by effect.
+    # Untestable effects are already listed above.
     if sentences := [line for line in advice if _COMMAND not in line and not line.startswith("not testable")]:
         output.title("Advice")
         output.items([with_signs(sentence) for sentence in sentences])
@@ -91,7 +91,7 @@ def present_added(result: dict[str, Any], output: Output) -> None:
 
 
 def _perhaps_of_the_arm(steps: list[dict[str, Any]], effects: list[dict[str, Any]]) -> list[str]:
-    """What was added as the instrument's and may be the arm's: tables leave it out."""
+    """Sentences on added effects of the instrument that may be effects of the arm: tables leave them out."""
     present = {called(entry) for entry in effects}
     exported = {info.id for info in catalogue().values() if info.exported}
     lines = []
@@ -111,7 +111,7 @@ def _perhaps_of_the_arm(steps: list[dict[str, Any]], effects: list[dict[str, Any
 
 
 def _next_commands(advice: list[str], fit_file: Path, data: Path | None) -> list[str]:
-    """The commands that the advice means, with the user's own files in place of FIT and FIT2."""
+    """The commands in the advice, with the user's own files in place of FIT and FIT2."""
     fit, moved = shlex.quote(str(fit_file)), f" --data {shlex.quote(str(data))}" if data else ""
     commands = []
     for line in advice:
@@ -135,14 +135,14 @@ def _following(fit_file: Path) -> Path:
 
 
 def _why_kept(probability: float) -> str:
-    """Why an effect is in the model that is more likely absent."""
+    """Why the model keeps an effect that is more likely absent; empty if it is likely present."""
     if probability > _MORE_LIKELY_THAN_NOT:
         return ""
     return " (kept: without it unseen poses are predicted worse, or the search asks for it again)"
 
 
 def floor_words(result: dict[str, Any]) -> str:
-    """The noise floor of a diagnosis, and what tells it."""
+    """The noise floor of a diagnosis and its source, as text."""
     floor, source = result.get("noise_floor_um"), result.get("noise_floor_source", "none")
     if floor is None and result.get("instrument_floor_um") is not None:
         floor, source = result["instrument_floor_um"], "targets"
@@ -220,7 +220,7 @@ def _present_structure(findings: list[dict[str, Any]], output: Output) -> None:
         joints = ", ".join(map(str, finding["joints"]))
         where = f" (joint{'s' if len(finding['joints']) > 1 else ''} {joints})" if joints else ""
         variable = "no recorded variable" if finding["variable"] == "none recorded" else finding["variable"]
-        # The same on another coordinate is said once.
+        # The same finding on another coordinate is printed once.
         lines.setdefault(
             (finding["variable"], joints),
             f"depends on {variable}{where}: {with_signs(finding['shape'])} (log10 p {finding['log10_p']:.1f})",

@@ -1,4 +1,4 @@
-"""Fits as commands open them: with their measurements, which may have moved."""
+"""Opens fits for commands, with their measurements, which may have moved."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def load_with_data(path: Path, data: Path | None, writes: Iterable[Path | str | None]) -> Fit:
-    """Return the fit at `path` with its measurements read: from `data`, or from where they lay.
+    """Return the fit at `path` with its measurements read: from `data`, or from the place stored in the fit.
 
     `writes`: what the command will write. Errors: InputError that says where the measurements were looked for, that
     they have changed, or that one of `writes` is a file of them.
@@ -23,7 +23,7 @@ def load_with_data(path: Path, data: Path | None, writes: Iterable[Path | str | 
     from armtrue.fitting import Fit
 
     fit = Fit.load(path)
-    # Places beside the fit are then named whole, and each once.
+    # With a resolved path, messages name places beside the fit in full, and each once.
     fit.path = path.parent.resolve() / path.name
     if data is not None:
         if not data.is_file():
@@ -37,7 +37,7 @@ def load_with_data(path: Path, data: Path | None, writes: Iterable[Path | str | 
         if data is not None:
             raise
         raise InputError(f"{error}; where they lie elsewhere, name them with --data DATA") from None
-    # Which files they are is known only now: the guard of all commands has seen the named ones.
+    # The fit names these files; the guard of all commands has checked only those of the command line.
     refuse_to_lose([fit.data.path, fit.data.file], writes)
     return fit
 
@@ -60,9 +60,9 @@ def load_measurements(
 
 
 def beyond_the_fit(tables: Path, fit: Path | None, poses: Path) -> list[str]:
-    """Where `poses` lie outside what the fit of `tables` was fitted to, in the words of predict and compare.
+    """Sentences, as of predict and compare, on where `poses` lie outside the measurements that `tables` were fitted to.
 
-    `fit`: what the table was made from; default: the copy beside it. Nothing where that is not there.
+    `fit`: the fit that the table was made from; default: the copy beside it. Empty if there is none.
     """
     from armtrue.fitting import Fit
     from armtrue.io import load_data

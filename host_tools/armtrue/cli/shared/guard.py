@@ -1,6 +1,7 @@
-"""What every command keeps to, whatever it does.
+"""Checks and error handling common to all commands.
 
-No output is one of its inputs, every number is finite, a mistyped name finds its like, and a closed pipe is no failure.
+No output is one of the inputs, every number is finite, a mistyped name is answered with the nearest, and a closed pipe
+is not reported as a failure.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ import typer.main
 from armtrue.errors import InputError, did_you_mean
 from armtrue.io.files import check_writable, refuse_to_lose
 
-# Options that name what is written; every other path is read.
+# Options that name files to be written; every other path is read.
 _WRITTEN = {"out", "json_to", "record"}
-# Commands that may write over the fit they were given: the next step replaces the last one.
+# Commands whose --out may be the fit that they read: the next step replaces the last one.
 _IN_PLACE = {"add", "remove", "refine"}
-# What is written beside --out, by what is put behind its name.
+# Suffix of a second file that a command writes beside --out.
 _BESIDE_OUT = {"export": ".fit.json", "keygen": ".pub"}
-# What is read beside an argument.
+# Suffix of a second file that a command reads beside its argument.
 _BESIDE_TABLES = {"compensate": ".fit.json"}
 
 
@@ -64,7 +65,7 @@ def _expected(kind: click.ParamType) -> str:
 
 
 def refuse_clashes(command: str, parameters: dict[str, Any]) -> None:
-    """Raise InputError where `command` with `parameters` would write over what it reads, or twice to one file."""
+    """Raise InputError if `command` with `parameters` would overwrite a file that it reads, or write one file twice."""
     reads = [path for name, value in parameters.items() if name not in _WRITTEN for path in _paths(value)]
     if command in _BESIDE_TABLES:
         reads += [_beside(path, _BESIDE_TABLES[command]) for path in _paths(parameters.get("tables"))]
@@ -99,15 +100,15 @@ def _paths(value: Any) -> list[Path]:
 
 
 def _beside(path: Path, suffix: str) -> Path:
-    return Path(f"{path}{suffix}")  # of '.' too, which has no name
+    return Path(f"{path}{suffix}")  # not with_name, which fails for '.'
 
 
-# Help in plain text: Rich takes a fifth of a second to read in, and what stands in brackets, a unit, for markup.
+# Help in plain text: importing Rich takes a fifth of a second, and it takes a unit in brackets for markup.
 typer.core.HAS_RICH = False
 
 
 class GuardedGroup(typer.core.TyperGroup):
-    """The group of all commands: what they are given is judged by this module before any of them begins.
+    """The group of all commands; this module checks their arguments before any of them begins.
 
     `homes`: of each command the module of `cli` that adds it, imported when the command runs, and its line of the help.
     """
@@ -117,12 +118,12 @@ class GuardedGroup(typer.core.TyperGroup):
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
     ) -> click.Context:
-        """Click's own; a reader that closes the pipe while help is printed is told apart from other errors."""
+        """As Click's; raises ReaderGoneError if the reader closes the pipe while help is printed."""
         with _told_of_closed_pipe():
             return super().make_context(info_name, args, parent, **extra)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Click's own; raises ReaderGoneError where the reader of the output closes the pipe."""
+        """As Click's; raises ReaderGoneError if the reader of the output closes the pipe."""
         with _told_of_closed_pipe():
             return super().invoke(ctx)
 
@@ -131,28 +132,28 @@ class GuardedGroup(typer.core.TyperGroup):
         return list(self.homes)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command, or before it has run no more than its line of the help."""
+        """The command if it is loaded, else a placeholder with its line of the help."""
         if cmd_name in self.commands or cmd_name not in self.homes:
             return self.commands.get(cmd_name)
         return typer.core.TyperCommand(cmd_name, help=self.homes[cmd_name][1])
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Every command with its whole line of the help."""
+        """List every command with its complete line of the help."""
         _list_commands(self, ctx, formatter)
 
     def whole(self) -> GuardedGroup:
-        """The group with every command loaded, as documentation needs it."""
+        """The group with every command loaded, for the documentation."""
         for name in self.homes:
             self.load(name)
         return self
 
     def load(self, name: str) -> click.Command:
-        """The command `name`, whole and guarded."""
+        """The command `name`, loaded and guarded."""
         if name not in self.commands:
             part = typer.Typer(pretty_exceptions_enable=False)
             part.callback()(lambda: None)
             importlib.import_module(f"armtrue.cli.{self.homes[name][0]}").add_to(part)
-            # A module may add several commands, and none is loaded a second time.
+            # A module may add several commands; all are stored, so that it is not loaded again for the others.
             for own, command in typer.main.get_group(part).commands.items():
                 self.commands[own] = command
                 _guard(own, command)
@@ -161,7 +162,7 @@ class GuardedGroup(typer.core.TyperGroup):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """The command that `args` name, guarded; one that is not known is answered with the nearest that is."""
+        """The command that `args` name, guarded; the error for an unknown name suggests the nearest known one."""
         name = args[0] if args else ""
         if name in self.homes:
             self.load(name)
@@ -172,7 +173,7 @@ class GuardedGroup(typer.core.TyperGroup):
 
 
 def _list_commands(group: click.Group, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-    """Write every command with its first sentence: Click itself cuts what is too long for one line."""
+    """Write every command with its complete first sentence, which Click would cut to one line."""
     commands = [(name, group.get_command(ctx, name)) for name in group.list_commands(ctx)]
     with formatter.section("Commands"):
         formatter.write_dl([(name, own.get_short_help_str(limit=1000)) for name, own in commands if own])
@@ -182,12 +183,12 @@ _EXAMPLE = re.compile(r"Example: .*?(?=\n\s*\n|\Z)", re.DOTALL)
 
 
 def _on_one_line(example: re.Match[str]) -> str:
-    """The same, marked so that Click does not break a line that people paste."""
+    """The example on one line, marked so that Click does not wrap it: users paste it."""
     return "\b\n" + " ".join(example[0].split())
 
 
 def _guard(name: str, command: click.Command) -> None:
-    """Let `command`, or the commands under it, begin only with finite numbers and where `refuse_clashes` allows."""
+    """Make `command`, or its subcommands, check for finite numbers and by `refuse_clashes` before they begin."""
     if isinstance(command, click.Group):
         command.format_commands = partial(_list_commands, command)  # type: ignore[method-assign]
         for under, own in command.commands.items():
@@ -205,7 +206,7 @@ def _guard(name: str, command: click.Command) -> None:
 
     def invoke(ctx: click.Context) -> Any:
         refuse_not_finite(command, ctx.params)
-        # Typer makes paths of the words only when it calls the function behind the command.
+        # Typer converts arguments to paths only when it calls the command's function.
         words = {key: _as_paths(value) if key in named else value for key, value in ctx.params.items()}
         refuse_clashes(name, words)
         return run(ctx)

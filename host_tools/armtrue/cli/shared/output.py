@@ -1,4 +1,4 @@
-"""What commands print: tables for people, JSON for programs, progress while they wait."""
+"""Output of commands: tables for people, JSON for programs, progress of long work."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Output:
 
     @property
     def is_watched(self) -> bool:
-        """True where what is said goes to a terminal."""
+        """True if the printed text goes to a terminal."""
         return self.console.is_terminal and not self.console.quiet
 
     def say(self, text: str = "") -> None:
@@ -69,7 +69,7 @@ class Output:
             self.console.print(grid)
 
     def fields(self, pairs: list[tuple[str, str]]) -> None:
-        """Print names with what they are, in two columns."""
+        """Print names and their values, in two columns."""
         grid = Table.grid(padding=(0, 2))
         grid.add_column(min_width=_FIELD_WIDTH)
         for name, text in pairs:
@@ -83,7 +83,7 @@ class Output:
         self.console.print(table)
 
     def figures(self, document: Mapping[str, Any]) -> None:
-        """Write the figures where --json asked for them."""
+        """Write the figures to the destination given by --json; nothing without it."""
         if self._json_to is None:
             return
         text = json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
@@ -94,7 +94,7 @@ class Output:
 
 
 def plain_table(*headers: str, title: str | None = None) -> Table:
-    """A table whose first column is words and whose others are figures."""
+    """A table with text in the first column and figures in the others."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
     for number, header in enumerate(headers):
         table.add_column(header, justify="left" if number == 0 else "right", no_wrap=number > 0)
@@ -102,9 +102,9 @@ def plain_table(*headers: str, title: str | None = None) -> Table:
 
 
 def _fit(table: Table, width: int) -> None:
-    """Give the columns of a `plain_table` widths that add up to `width`, where it is wider than that.
+    """Give the columns of a `plain_table` widths that add up to `width` if the table is wider.
 
-    Rich by itself cuts names to `par…` or to nothing, as it takes from every column alike.
+    Rich itself shortens every column alike, which cuts names to `par…` or to nothing.
     """
     texts = [[str(column.header), *map(str, column.cells)] for column in table.columns]
     full = [max(cell_len(line) for text in column for line in text.split("\n")) for column in texts]
@@ -125,9 +125,9 @@ def _fit(table: Table, width: int) -> None:
 
 @contextmanager
 def waiting(output: Output) -> Iterator[progress_protocol.Progress]:
-    """Yield a progress callback; once a second has passed a bar with the remaining time stands below what is said.
+    """Yield a progress callback; after one second, a bar with the remaining time is shown below the printed text.
 
-    It stands on stderr where `output` goes to no terminal.
+    The bar is on stderr if `output` does not go to a terminal.
     """
     bar = Progress(
         TextColumn("{task.description}"),
@@ -136,7 +136,7 @@ def waiting(output: Output) -> Iterator[progress_protocol.Progress]:
         TimeElapsedColumn(),
         TextColumn("remaining"),
         TimeRemainingColumn(),
-        # One console for both, so that a line said meanwhile goes above the bar and not into it.
+        # One console for both, so that a line printed meanwhile goes above the bar and not into it.
         console=output.console if output.is_watched else Console(stderr=True),
         transient=True,
     )

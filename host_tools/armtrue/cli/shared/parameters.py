@@ -1,4 +1,4 @@
-"""The parameters of a fit as people read them: with sigma, unit, the nominal value, and what each is tied to."""
+"""Prints the parameters of a fit: with sigma, unit, the nominal value, and ties between parameters."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from armtrue.units import value_and_sigma
 
 # Tables can have hundreds of parameters; more than this are shown only when asked for.
 _SHOWN = 60
-# Two parameters tied closer than this are known together rather than each.
+# From this correlation on, the combination of two parameters is known better than each of them.
 _TIED = 0.95
 _AXES = ("x", "y", "z")
 
 
 def present_parameters(document: dict[str, Any], output: Output, everything: bool) -> None:
-    """Print base and tool, then every parameter that the data were asked for."""
+    """Print base and tool, then the parameters that are not held at nominal."""
     output.title("Base and tool")
     output.table(_pose_table(document))
-    # Their sums stand in the poses of base and tool, so that their own values are 0.
+    # Placement parameters are 0: the poses of base and tool contain their sums.
     placed = with_role("placement")
     parameters = [entry for entry in document["parameters"] if entry["effect"] not in placed]
     told = [entry for entry in parameters if not entry.get("held")]
@@ -112,5 +112,5 @@ def _link(kinematics: dict[str, Any], k: int) -> tuple[NDArray[np.float64], list
 
 
 def _turned(alpha_rad: float, theta_rad: float) -> list[float]:
-    """Roll, pitch and yaw [rad] of a turn by alpha about x, then by theta about z (of a joint that slides)."""
+    """Roll, pitch and yaw [rad] of a turn by alpha about x, then by theta about z (theta of a prismatic joint)."""
     return rpy_from_matrix(matrix_about("x", alpha_rad) @ matrix_about("z", theta_rad))

@@ -1,4 +1,4 @@
-"""The error's fall in the terminal, step by step."""
+"""The decrease of the held-out error over the steps of a refinement, in the terminal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _BAR_CELLS = (6, 20)
 class Waterfall:
     """Held-out errors, the noise floor, a bar and what changed, printed as each step is finished.
 
-    A bar is as long as the mean error's share of the first step's; `│` stands where the noise floor is.
+    A bar's length is the mean error as a share of the first step's; `│` marks the noise floor.
     """
 
     def __init__(self, output: Output) -> None:
@@ -49,7 +49,7 @@ class Waterfall:
         self.steps.append(step)
 
     def _changes(self, step: dict[str, Any]) -> list[str]:
-        """One line for each effect that came or went, folded where the terminal is narrow."""
+        """One line for each effect added or removed, wrapped to the width of the terminal."""
         changes = [f"+ {called(step['added'])}"] if step.get("added") else []
         changes += [f"− {called(removed)}" for removed in step.get("removed") or []]
         if not changes and not self.steps:
