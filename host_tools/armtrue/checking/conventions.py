@@ -20,19 +20,19 @@ from armtrue.checking.placement import Reading, lower_bounds
 from armtrue.checking.report import Finding
 from armtrue.io.robot import Robot
 
-# A further change is believed when it leaves at most this share of the residual.
+# A further change is accepted if it leaves at most this share of the residual.
 _CONVINCING = 1 / 3
-# Nominal arms differ by this much without any mistake, in metres per metre of reach: better is not more convincing.
+# Real arms differ from nominal ones by this much [m per metre of reach]: a smaller residual is no stronger evidence.
 _AS_GOOD_AS_NOMINAL = 0.0005
 _ROWS = 60
 _ROWS_OF_GEOMETRY = 300
-# Hypotheses that leave at most so many times what the best leaves explain the data as well.
+# Hypotheses that leave at most this multiple of the smallest residual explain the data as well.
 _AS_WELL = 1.5
 _MOST_AS_WELL = 3
-# Aligned in full, of those that the lower bound puts first: each takes 20 ms.
+# Number of hypotheses with the lowest bounds that are aligned in full; each takes 20 ms.
 _MOST_ALIGNED = 16
 _SCALE_PASSES = 2
-# Smaller zeros are what a calibration finds.
+# Smaller errors of a zero are left to the calibration.
 _LEAST_ZERO_DEGREES = 2.0
 _ZERO_STEP_DEGREES = 15.0
 _LARGEST_SCALE_WITHIN = 1.25
@@ -120,7 +120,7 @@ class _Search:
         return best, self._rivals(best, judged)
 
     def _rivals(self, best: _Judged, judged: list[_Judged]) -> list[str]:
-        """Other hypotheses of as many changes that leave about as little."""
+        """Other hypotheses with as many changes whose residual is about as small."""
         limit = _AS_WELL * max(best.rms_m, self._floor_m)
         return [
             one.hypothesis.sentence
@@ -185,7 +185,7 @@ class _Search:
         """`hypothesis` as it is, and beside it with the scale that goes with it where there is one."""
         sample = self._sample(hypothesis)
         first = align(sample.columns, sample.robot)
-        # The alignment brings another unit to size by itself: what it then leaves is not this hypothesis's own.
+        # The alignment scales another unit by itself, so its residual does not belong to this hypothesis alone.
         within = 1.0 / _LARGEST_SCALE_WITHIN < first.scale < _LARGEST_SCALE_WITHIN
         rms = first.rms_m if within else math.inf
         judged = [_Judged(hypothesis, rms, self._floor_m, self._spread_m)]
@@ -235,7 +235,7 @@ def _findings(best: _Judged, as_well: list[str], start_m: float) -> list[Finding
 
 
 def _by_geometry(reading: Reading) -> Geometry | None:
-    """Plain geometry fitted to a reading; None where, within what arms have, it does not explain the points."""
+    """Geometry alone fitted to a reading; None if it does not explain the points within the errors that arms have."""
     try:
         geometry = fit_geometry(thinned(reading.columns, _ROWS_OF_GEOMETRY), reading.robot)
     except (ValueError, np.linalg.LinAlgError):

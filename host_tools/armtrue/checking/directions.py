@@ -7,8 +7,8 @@ from armtrue.io.columns import span
 from armtrue.io.dataset import Dataset
 from armtrue.io.ways import agreements
 
-# Half of all motions agree by chance. An arm that came straight from pose to pose agrees wholly but for a few
-# interruptions; one that came by way of other points is anywhere between and tells nothing.
+# By chance, half of all motions agree. An arm that went straight from pose to pose agrees except for a few
+# interruptions; an arm that passed other points can have any share, which shows nothing.
 _AGREES = 0.98
 _DISAGREES = 0.9
 _WORDS = {
@@ -18,7 +18,7 @@ _WORDS = {
     "0 for −1": "0 stands for −1",
     "1 for −1, 0 for 1": "1 stands for −1 and 0 for 1",
 }
-# What brings them to −1 and 1 in a dataset.yaml.
+# Entries of dataset.yaml that convert the column to −1 and 1.
 _SCALES = {
     "reversed": "scale: -1",
     "0 for −1": "scale: 2, offset: -1",

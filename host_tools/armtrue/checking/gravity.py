@@ -1,4 +1,4 @@
-"""Checks of gravity: for an arm that hangs or stands on a wall without it in robot.yaml, and for one that it lifts."""
+"""Checks of gravity: robot.yaml lacks it for a base that is not upright, or has it pointing up."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from armtrue.checking.report import Finding
 from armtrue.io.robot import STANDARD_GRAVITY, Robot
 from armtrue.io.rotation import matrix_from_rpy
 
-# Floors and foundations are never as oblique.
+# No floor or foundation slopes by this much.
 _UPRIGHT_DEGREES = 20.0
-# The z axis of a level tracker is never so far from the vertical; an axis of any other frame is seldom so near to it.
+# The z axis of a level tracker is within this of the vertical; axes of other frames seldom are.
 _PLUMB_DEGREES = 5.0
 
 

@@ -88,7 +88,7 @@ def singles(robot: Robot) -> list[Hypothesis]:
 
 
 def sign_patterns(robot: Robot) -> Iterator[Hypothesis]:
-    """Three signs and more at once. They count as two mistakes: who errs there has another view of the whole arm."""
+    """Three signs and more at once. They count as two mistakes, as one other view of the whole arm explains them."""
     joints = robot.motors
     if robot.joint_count > _JOINTS_FOR_ALL_SIGNS:
         return
@@ -119,7 +119,7 @@ def _turned(pattern: tuple[int, ...], changes: int, robot: Robot) -> Hypothesis:
 
 
 def joints_with_a_zero(robot: Robot) -> list[int]:
-    """Joints whose zero matters: the first one's is the base's turn, the last one's the tool's, found in any case."""
+    """Joints whose zero is tested: the first one's turns the base and the last one's the tool, which are fitted."""
     return [k for k in range(2, robot.joint_count) if robot.joints[k - 1]["type"] == "revolute"]
 
 
@@ -129,7 +129,7 @@ def _zeros(robot: Robot) -> Iterator[Hypothesis]:
 
 
 def zero(joint: int, degrees: float, robot: Robot) -> Hypothesis:
-    """Joint `joint` has its zero `degrees` from where `robot` has it."""
+    """The zero of `joint` is `degrees` from that in `robot`."""
     turn = math.radians(degrees)
     name = f"q{joint}"
     remedy = f"Add {turn:+.6f} to the offset of joint {joint} in robot.yaml."
@@ -137,7 +137,7 @@ def zero(joint: int, degrees: float, robot: Robot) -> Hypothesis:
     if passive and robot.urdf is not None:
         remedy = f"Add {turn:+.6f} to the offset of joint {joint}'s <mimic> in {robot.urdf.name}."
     elif robot.urdf is not None:
-        # A URDF has no offsets, and robot.yaml has none beside it.
+        # A URDF has no offsets, and robot.yaml states none beside a URDF.
         remedy = (
             f"Give {name} its offset in a dataset.yaml, '{name}: {{column: {name}, offset: {turn:.6f}}}', added to one "
             "that stands there."
@@ -174,7 +174,7 @@ def _couplings(robot: Robot) -> Iterator[Hypothesis]:
     }
     for joint in range(2, robot.joint_count + 1):
         passive = joint in robot.passive
-        # Bars come to a passive joint from any before it.
+        # Bars can connect a passive joint with any joint before it.
         for driving in [k for k in robot.motors if k < joint] if passive else [joint - 1]:
             if driving in robot.passive or (joint, driving) in reported:
                 continue
@@ -289,7 +289,7 @@ def _orders(robot: Robot) -> Iterator[Hypothesis]:
     for lag, words in ((1, "after"), (-1, "before")):
 
         def shift(reading: Reading, lag: int = lag) -> Reading:
-            # Rows at the ends have no partner and repeat their neighbour: all readings stay equally long.
+            # Rows at the ends have no partner and repeat their neighbour, so that all readings have the same length.
             count = len(reading.columns["x"])
             own = np.clip(np.arange(count), 1, count - 2)
             return Reading(

@@ -1,4 +1,4 @@
-"""What the joints and the order of rows tell by themselves: limits, standstill, read-back, repeats, stale figures."""
+"""Checks that need only the joints and the order of rows: limits, standstill, read-back, repeats, stale readings."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ _SAME_POSE_RAD = 1e-6
 # A read-back that differs from the command by more than this at the tool shows in a fit [m].
 _READBACK_AT_TOOL_M = 20e-6
 _ROWS_NAMED = 8
-# A clock that begins again is seldom and near its zero: in fewer rows than this share, at less than this share of where
-# it was.
+# A clock that begins again does so in fewer than this share of the rows, and at less than this share of its last time.
 _MOST_SESSIONS = 0.1
 _AGAIN = 0.05
 
@@ -55,7 +54,7 @@ def _out_of_limits(data: Dataset, robot: Robot) -> list[Finding]:
         if "limits" not in joint:
             continue
         lo, hi = joint["limits"]
-        # Of a passive joint the limits are of what the couplings give.
+        # The limits of a passive joint apply to the angle that the couplings give it.
         values = (
             (data.joints @ robot.mechanical_coupling[k - 1]) if k in robot.passive else data.columns[f"q{k}"]
         )
@@ -165,7 +164,7 @@ def _repeats(data: Dataset) -> list[Finding]:
             )
         )
     if data.has_positions:
-        # Readings of one pose may be rounded to the same position: only what is equal in every column is a copy then.
+        # Rounding can give readings of one pose the same position: then only rows equal in every column are copies.
         is_rounded = position_step_m(data) > 0.0
         others = [data.columns[name] for name in sorted(data.columns)] if is_rounded else []
         whole = np.column_stack([keys, np.round(data.positions_m / 1e-9).astype(np.int64), *others])
@@ -205,7 +204,7 @@ def repeats_scatter_m(data: Dataset) -> float:
     states = [values for name, values in data.columns.items() if name.startswith("dir") or name == "payload"]
     keys = np.column_stack([pose_keys(data), *states])
     poses = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
-    # Rows that were copied are no measurements of their own.
+    # Copied rows are not independent measurements.
     own = np.unique(np.column_stack([keys, data.positions_m]), axis=0, return_index=True)[1]
     return scatter_m(data.positions_m[own], poses[own])
 

@@ -1,4 +1,4 @@
-"""Rows whose measured position is not that of their joints: of a row near by (a reading was lost), or a reflector's.
+"""Rows whose position belongs to the joints of a row near by (a reading was lost), or to another reflector.
 
 Base and tools are found from rows that follow the arm. Then every position is asked whether it follows the joints of
 its own row, those of a row near by, or its own joints with the tool of another reflector.
@@ -27,20 +27,20 @@ from armtrue.tables.chain import flanges, pose
 Mask = NDArray[np.bool_]
 CODES = ("rows_shifted", "reflectors_exchanged")
 
-# Every lost reading moves the rest of the file by one more row; with more than three the log has to be paired anew.
+# Each lost reading shifts the rest of the file by one row; with more than three the log has to be paired anew.
 _LAGS = (1, -1, 2, -2, 3, -3)
-# One row that fits a neighbour may be chance, and two may be two rows that changed places.
+# One row that fits a neighbour may be chance, and two may have been exchanged.
 _FEWEST_ROWS = 3
 # A fit keeps gross errors out while they are a tenth of all rows, and more only where they exceed what any arm errs by.
 # Half of a tenth leaves room for other gross errors beside the block.
 _SPOILS_A_FIT = 0.05
-# With fewer rows explained something else is wrong as well, which the search for conventions may name.
+# If fewer rows are explained, something else is wrong as well, which the search over conventions may find.
 _EXPLAINED = 0.75
 # More runs of rows than this are named row by row.
 _MOST_RUNS = 3
-# Rows that are aligned: 60 place base and tool within millimetres.
+# Number of rows that are aligned: 60 determine base and tool to millimetres.
 _ROWS = 60
-# Shares of the file that are tried as a start where base and tool cannot be found from the whole.
+# Shares of the file that are tried as a start if base and tool cannot be found from all rows.
 _SHARES = (1 / 8, 1 / 3)
 _PASSES = 3
 
@@ -86,7 +86,7 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> tuple[list[Finding],
     """
     nothing = np.zeros(data.count, dtype=bool)
     if "station" in measured:
-        # Every set-up of the tracker has a base of its own, which this search does not know.
+        # Each set-up of the tracker has its own base, which this search does not model.
         return [], nothing
     placed = _place(measured, robot)
     if placed is None:
@@ -96,7 +96,7 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> tuple[list[Finding],
     for found, block in _shifts(data, placed):
         findings.append(found)
         rows |= block
-    # Where both reflectors are measured at each pose, the next row's position is that of the other reflector as well.
+    # If both reflectors are measured at each pose, the position in the next row is also that of the other reflector.
     for found, block in _exchanges(data, placed, ~rows):
         findings.append(found)
         rows |= block
@@ -104,7 +104,7 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> tuple[list[Finding],
 
 
 def _place(measured: Columns, robot: Robot) -> _Placed | None:
-    """Base and tools that most rows follow in some reading; None where no such are found."""
+    """Base and tools with which most rows agree in some reading; None if there are none."""
     search = _Search(measured, robot)
     for lag, chosen in search.starts():
         placed = search.placed(lag, chosen)
@@ -226,7 +226,7 @@ class _Search:
 
 def _blocks(marked: Mask, contradicts: Mask) -> Iterator[slice]:
     """Runs of rows from a marked one to a marked one with no contradiction between them."""
-    # Rows with as many contradictions before them can be of one run.
+    # Rows with the same number of contradictions before them can belong to one run.
     piece = np.cumsum(contradicts)
     for number in np.unique(piece[marked]):
         rows = np.flatnonzero(marked & (piece == number))
@@ -240,7 +240,7 @@ def _shifts(data: Dataset, placed: _Placed) -> Iterator[tuple[Finding, Mask]]:
         others = [placed.own, *(values for other, values in placed.shifted.items() if other != lag)]
         nearest = np.min(others, axis=0)
         marked = (distance <= limit) & (nearest > limit) & np.isfinite(placed.own)
-        # A row at the end of the file has no partner so many rows further on, which says nothing against the lag.
+        # A row at the end of the file has no partner that many rows further on, which is no evidence against the lag.
         contradicts = np.isfinite(distance) & (distance > limit) & (nearest <= limit)
         for block in _blocks(marked, contradicts):
             first, last = data.rows[[block.start, block.stop - 1]]

@@ -1,4 +1,4 @@
-"""Temperatures that no thermometer on an arm reads: of one that was off or stood still, and in another unit."""
+"""Readings that no thermometer on an arm gives: the sensor was off or had stopped, or the unit is wrong."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from armtrue.io.dataset import Dataset
 from armtrue.io.plausible import HOTTEST_C
 from armtrue.io.robot import Robot
 
-# A sensor that is off reads one figure, so far from what it reads otherwise [K]; of two states that were written down
-# by hand, the others are no more than a few figures.
+# A sensor that is off reads a constant that is at least this far from its other readings [K]. Columns with no more than
+# this many other figures are not checked: somebody may have written down a few states by hand.
 _APART_K = 10.0
 _LEAST_OTHERS = 6
 # Figures of thermometers that are starting or not connected (DS18B20 and its like).
 _ERROR_VALUES = (85.0, 0.0)
-# Nobody measures a whole campaign on an arm so hot [°C]; in Fahrenheit a cool room is warmer.
+# No campaign is measured on an arm this hot throughout [°C]; in Fahrenheit a cool room reads more.
 _HOTTEST_ROOM = 50.0
-# A stretch of equal readings that counts: this share of all rows, and so many rows.
+# A stretch of equal readings is reported from this share of all rows and this number of rows on.
 _STILL_SHARE = 0.2
 _STILL_ROWS = 10
-# A sensor of fine steps hardly ever reads the same twice running.
+# A sensor with fine steps repeats its reading in at most this share of the rows.
 _FINE_REPEATS = 0.05
-# One of coarse steps may stand still in a steady room. One that had stopped leaves its figure by many of its steps from
-# one row to the next, without a pause in which the arm cooled: so many, and so many times the usual interval.
+# A sensor with coarse steps may be constant in a steady room. A sensor that had stopped jumps by at least this many of
+# its steps between two rows, without a pause (this many usual intervals) in which the arm could have cooled.
 _LEAP_STEPS = 5.0
 _PAUSE_INTERVALS = 5.0
-# What another thermometer went through meanwhile is worth telling [K].
+# Change of another thermometer during the stretch that is reported [K].
 _TOLD_K = 0.2
 
 
@@ -159,7 +159,7 @@ def _leaps(steps: Array, elsewhere: Array, time: Array, first: int, last: int) -
 
 
 def _others(data: Dataset, name: str, stretch: NDArray[np.intp]) -> str:
-    """How far the other thermometers went meanwhile, in words."""
+    """How much the other thermometers changed during the stretch, in words."""
     spans = {
         other: float(np.ptp(data.columns[other][stretch])) for other in _thermometers(data) if other != name
     }

@@ -1,4 +1,4 @@
-"""Figures in a unit that cannot be."""
+"""Columns whose figures are impossible in the expected unit."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from armtrue.io.dataset import Dataset, fixed_targets, without_fixed_targets
 from armtrue.io.plausible import too_few_poses, wrong_units
 from armtrue.io.robot import Robot
 
-# From one reading to the next, most arms that are measured rest no longer [s], and none turns so fast [rad/s]: a small
-# arm's wrist reaches 17.
+# Between two readings, measured arms rest for less than this [s], and no joint turns this fast [rad/s]: the wrist of a
+# small arm reaches 17.
 _LONGEST_REST_S = 1800.0
 _FASTEST_RAD_S = 50.0
-# The time from pose to pose is that between readings between which a joint moved by so much [rad], in the median of no
-# fewer than so many.
+# The time per pose is the median interval between readings between which a joint moved by more than this [rad], if
+# there are at least this many.
 _MOVED_RAD = 0.05
 _FEWEST_MOVES = 8
 # Limits in robot files are rounded, and not always those of the controller.
@@ -34,7 +34,7 @@ def find(data: Dataset, robot: Robot) -> list[Finding]:
     for name, at, expected in wrong_units(data.columns, robot):
         evidence = {"column": name, "row": int(data.rows[at]), "found": float(data.columns[name][at])}
         if name in POSITION and (scale := _scale(data, robot)):
-            # The arm tells more than the size of a figure.
+            # The alignment with the arm tells the scale more surely than the size of the figures.
             expected = _LIKELY.sub(f"(these look like {lengths.words_of_points(scale)})", expected)
             evidence |= {"scale": scale, "unit": lengths.unit_of_points(scale, robot)}
         findings.append(
@@ -50,7 +50,7 @@ def find(data: Dataset, robot: Robot) -> list[Finding]:
 
 
 def find_time(data: Dataset, robot: Robot) -> list[Finding]:
-    """A warning where poses follow one another more slowly, or faster, than an arm can be measured in seconds."""
+    """A warning if poses follow one another too slowly or too fast for times in seconds."""
     turning = [k for k, joint in enumerate(robot.joints) if joint["type"] == "revolute"]
     if "time" not in data.columns or not turning:
         return []
@@ -129,7 +129,7 @@ def find_ratios(robot: Robot) -> list[Finding]:
 
 
 def _scale(data: Dataset, robot: Robot) -> float | None:
-    """How many times too large positions are, where that is the scale of a known unit."""
+    """Factor by which positions are too large, if it is that of a known unit."""
     riding = without_fixed_targets(data) if fixed_targets(data) else data
     if too_few_poses(riding.joints):
         return None
@@ -143,7 +143,7 @@ def positions_are_in_another(columns: Columns, robot: Robot) -> bool:
 
 
 def in_si_units(columns: Columns, robot: Robot) -> Columns:
-    """`columns` with joints and positions that must be in another unit brought to SI, for the checks to go on."""
+    """`columns` with joints and positions of a wrong unit converted to SI, so that the other checks can go on."""
     repaired = _joints_in_si_units(columns, robot)
     if positions_are_in_another(columns, robot):
         repaired = lengths.scaled(repaired, lengths.nearest_unit(repaired, robot))
