@@ -236,7 +236,7 @@ std::optional<StructureFinding> find_knock(const Scorer& scorer, const Fit& fit)
   // For base and reflectors the translations, which come first; for joints half of each one's
   // largest deflection.
   std::vector<double> moved = best.score.coefficient;
-  if (best.frame->front().factor.empty()) moved.resize(3);
+  moved.resize(best.frame->front().factor.empty() ? 3 : best.frame->size());
   for (std::size_t i = 0; i < moved.size(); ++i) {
     const std::string& lever = (*best.frame)[i].factor;
     if (lever.empty()) continue;

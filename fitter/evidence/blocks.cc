@@ -176,8 +176,8 @@ std::vector<EvidenceForm> Builder::present_forms(const EffectRequest& request) {
   return forms;
 }
 
-// Drops forms that explain clearly more than the fitted one. Such a form imitates another effect:
-// its slopes follow what no values of its parameters can, or the fit would have found them.
+// Drops forms that explain clearly more than the fitted one. Such a form imitates another effect by
+// its slopes: if values of its own parameters explained as much, the fit would have found them.
 void Builder::drop_better_forms(EvidenceBlock& block) const {
   std::vector<EvidenceForm> kept{block.forms.front()};
   for (std::size_t f = 1; f < block.forms.size(); ++f) {
@@ -350,8 +350,8 @@ bool Builder::work_out(EvidenceBlock& block) const {
   if (shapes.empty()) return false;
   // The forms of one effect span nearly the same space; the nodes of a table do not.
   if (!table) block.columns = compress(block.columns, shapes);
-  // The masses of all links have as many directions, but are one cause: they compete with effects
-  // of few directions.
+  // The masses of all links have as many directions as a table, but are one cause: they compete
+  // with effects of few directions.
   block.search.costly = table && std::ranges::any_of(shapes, [](const PriorShape& shape) {
                           return shape.spread.cols() > kCostlyDirections;
                         });
@@ -415,8 +415,8 @@ Eigen::MatrixXd block_columns(const Linearization& l, const State& state,
                       .emplace(key, term.basis.evaluate(
                                         state.rows(),
                                         [&](const std::string& name) -> const std::vector<double>& {
-                                          // Predicted, not measured: the noise of a measured point
-                                          // is in its residual too, and the two would correlate.
+                                          // The predicted point: the noise of the measured one is
+                                          // in its residual too, and the two would correlate.
                                           if (name == "x") return l.point[0];
                                           if (name == "y") return l.point[1];
                                           if (name == "z") return l.point[2];

@@ -10,8 +10,8 @@ namespace armtrue {
 
 /// Sum of squares, and degrees of freedom, of the differences between readings of one pose that no
 /// column of the model can explain. They measure the scatter of single readings only, and are left
-/// out of the estimate of the scatter between poses: fifty poses, each read a hundred times,
-/// determine that as well as fifty numbers, and with these differences they would seem to be five
+/// out of the estimate of the scatter between poses: fifty poses, each read a hundred times, give
+/// fifty values of that scatter; with these differences it would seem to be known from five
 /// thousand.
 struct IdleContrasts {
   double squares = 0.0, freedom = 0.0;

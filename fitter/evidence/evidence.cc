@@ -14,14 +14,14 @@ namespace {
 constexpr int kRounds = 3;
 constexpr int kNoiseSteps = 12;
 constexpr int kFewNoiseSteps = 4, kLastNoiseSteps = 2;  // of wide sets
-constexpr Eigen::Index kWideSet = 200;                  // columns: steps take long
+constexpr Eigen::Index kWideSet = 200;                  // columns; steps of wider sets take long
 constexpr Eigen::Index kWideProblem = 800;              // columns
 // A smooth function has the form of an effect if it explains less than this share of its gain
 // beside that effect. For a table the share is larger, because the table's smoothness leaves part
 // of the function.
 constexpr double kSameForm = 1e-2, kSameFormAsTable = 5e-2;
 
-// Directions of columns below this share of the largest are rounding.
+// Directions of columns below this share of the largest are rounding errors.
 constexpr double kSmallestShare = 1e-7;
 
 struct Projected {
@@ -55,7 +55,7 @@ void keep_what_unknown_loads_cannot_do(const std::vector<EvidenceBlock>& blocks,
   p.gradient(others) -= across * (directions.transpose() * p.gradient(loads));
 }
 
-// Whitens, and projects base out with its prior.
+// Whitens all columns and projects out the base with its prior.
 Projected project(const Fit& fit, const Linearization& l, const EvidenceModel& model,
                   const NoiseParts& noise) {
   const Eigen::Index base = model.base.cols(), width = model.columns.cols();
@@ -166,9 +166,8 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Blo
         last ? (model.columns.cols() > kWideProblem ? options.sweeps / 3 : options.sweeps) : 0;
     if (!last) search.burn_in = 0;
     evidence.search = search_blocks(projected.problem, search);
-    // With the noise as estimated by now, another form may fit best than with the initial noise, or
-    // a smooth function may have displaced the table of the same form: one more round corrects
-    // this.
+    // One more round if the noise estimated by now favours another form than the initial noise did,
+    // or if a smooth function has displaced the table of the same form.
     if (last && !repeated &&
         (wants_finer_forms(model.blocks, evidence.search) ||
          holds_named_structure(model.blocks, evidence.search))) {

@@ -11,8 +11,8 @@ namespace {
 
 // Half a grid cell, as a share of the distance between the cell's two neighbours.
 constexpr double kHalfCell = 0.25;
-// A block that alone explains at least this share of what the best one explains may be what is
-// missing.
+// A block that alone explains at least this share of what the best one explains may be the missing
+// effect.
 constexpr double kMuch = 0.8;
 
 // The neighbours of an option's value on a block's grid.
@@ -132,8 +132,8 @@ void refine_forms(const Fit& fit, std::vector<EvidenceBlock>& blocks, const Sear
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     EvidenceBlock& block = blocks[b];
     if (block.forms.size() < 2 || block.present) continue;
-    // The best form beside the likeliest set, and the best beside the fit alone: the effect that is
-    // now in its place may be wrong.
+    // The best form beside the likeliest set, and the best beside the fit alone: the likeliest set
+    // may contain a wrong effect in place of this one.
     const std::set<int> best{form_of(block, search.shape[b]),
                              form_of(block, search.alone_shape[b])};
     const std::vector<EvidenceForm> before = block.forms;

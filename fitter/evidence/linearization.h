@@ -18,11 +18,11 @@ struct Linearization {
   Poses poses;
   CoordinateLayout layout;
   Eigen::VectorXd residual;     ///< predicted − measured
-  std::vector<int> unknown;     ///< unknown of the design that each column of `jacobian` is
-  Eigen::MatrixXd jacobian;     ///< equations × unknowns that are no nodes of joint tables
-  std::vector<int> node;        ///< unknown of each column of `nodes`
+  std::vector<int> unknown;     ///< unknown of the design, by column of `jacobian`
+  Eigen::MatrixXd jacobian;     ///< equations × unknowns, without nodes of joint tables
+  std::vector<int> node;        ///< unknown of the design, by column of `nodes`
   Eigen::MatrixXd nodes;        ///< Jacobian of nodes of joint tables; empty if these are many
-  Eigen::VectorXd from_tables;  ///< what joint tables of the fit add to the prediction
+  Eigen::VectorXd from_tables;  ///< contribution of the fit's joint tables to the prediction
   /// Change of `residual` if loads acted at the commanded angles instead of those of the deflected
   /// arm, or the reverse (Fit::choose_where_loads_act). Empty if no term reads loads.
   Eigen::VectorXd by_other_loads;

@@ -14,7 +14,7 @@ namespace armtrue {
 namespace {
 
 constexpr Eigen::Index kTogether = 16;  // columns that one thread whitens at a time
-// Each joint and the reading need so many equations beyond the number of columns. With fewer, one
+// Each joint and the reading need this many equations beyond the number of columns. With fewer, one
 // joint's scatter can explain all that is left, and readings seem to have no noise.
 constexpr Eigen::Index kEquationsPerPart = 4;
 // Least and largest factor by which a variance changes in one step.
@@ -98,7 +98,7 @@ double counted_equations(const Linearization& l, const NoiseParts& parts) {
 
 namespace {
 
-// A step of Fisher scoring with bounds on the change of each variance. Variances that would exceed
+// A step of Fisher scoring with bounds on the change of each variance. Changes that would exceed
 // their bounds are set to them, and the step of the others is computed again.
 Eigen::VectorXd next_variances(const Eigen::VectorXd& variance, const Score& score) {
   std::vector<Eigen::Index> free;
@@ -157,7 +157,7 @@ Score folded(const Score& score, const Groups& groups) {
   return {score.value, sums * score.slope, sums * score.information * sums.transpose()};
 }
 
-// Mean variance of a reading that one unit of each part's variance causes.
+// By part, in the order of Score: the variance that one unit of it adds to an equation, on average.
 Eigen::VectorXd reaches(const Linearization& l) {
   Eigen::VectorXd reach(l.layout.joints + 3);
   const auto rows = static_cast<double>(l.geometry.rows());
@@ -265,9 +265,9 @@ bool gives_way(const RestrictedLikelihood& likelihood, const Linearization& l, E
 // Removes parts that the data do not support, by the Bayesian information criterion extended for
 // the number of joints (Chen and Chen 2008, Biometrika 95, 759).
 // A joint whose own variance is not supported is pooled: every joint scatters, and the small
-// scatter of one good joint is not seen beside the readings, but that of all together is. If the
-// part that a pose's readings share is not supported, it becomes part of the readings', or of the
-// pooled joints' variance if the data could not separate the two.
+// scatter of one good joint is not seen beside the readings, but that of all together is.
+// The variance that a pose's readings share is added to that of the readings if it is not
+// supported. So is the pooled joints' variance if the data cannot separate it from the readings'.
 NoiseParts without_unsure(const RestrictedLikelihood& likelihood, const Linearization& l,
                           Estimate at) {
   const Eigen::VectorXd reach = reaches(l);

@@ -20,8 +20,8 @@ constexpr double kBoundIsSigmas = 2.0;
 constexpr double kUsualIsSigmas = 1.0;
 // Share of arms whose stated masses are those of another version, or lack gears and motors.
 constexpr double kUnusual = 0.1;
-// Probability that two coefficients which a design makes equal (Parameter::alike) are so, but for a
-// difference of this share. With independent priors alone, equal coefficients would be a
+// Probability that two coefficients that are equal by design (Parameter::alike) differ from their
+// mean only by a share kAlikeToShare. With independent priors alone, equal coefficients would be a
 // coincidence, and the evidence would favour any effect that explains the same with one
 // coefficient.
 constexpr double kAreAlike = 0.7;
@@ -30,7 +30,7 @@ constexpr double kAlikeToShare = 0.02;
 const std::vector<double> kLengths{1.0, 0.3, 0.1, 0.04};
 // Directions of a prior below this share of its largest variance are left out.
 constexpr double kSmallestDirection = 1e-4;
-// Blocks with more columns than this are brought to an orthonormal basis of what they span.
+// Blocks with more columns than this are replaced by an orthonormal basis of their span.
 constexpr Eigen::Index kWide = 16;
 constexpr double kSpanned = 1e-11;
 
@@ -130,7 +130,8 @@ void add_shapes(const EvidenceForm& form, const Eigen::VectorXd& displacement, d
     add_sizes(sizes_of(form, displacement, kSizes.front()), free_sizes, each);
   for (const Eigen::VectorXd& sigma : bounded) add_sizes(sigma, {1.0}, each);
   if (std::ranges::none_of(parameters, &Parameter::may_be_unusual)) return;
-  // Without this prior, the excess over the usual size would be attributed to another effect.
+  // Prior of sizes beyond the usual one: without it, the excess would be attributed to another
+  // effect.
   const Eigen::VectorXd largest = sizes_of(form, displacement, kSizes.back(), Largest::kPossible);
   add(largest.asDiagonal(), {1.0}, each + std::log(kUnusual), signs.size());
 }

@@ -175,7 +175,7 @@ Score RestrictedLikelihood::score(const NoiseParts& parts) const {
     score.slope += own.slope;
     score.information += own.information;
   }
-  // How surely a variance is known depends on all poses.
+  // The information, and with it the certainty of a variance, is that of all poses in `poses_`.
   const double all = static_cast<double>(poses_.size()) / static_cast<double>(looked_at.size());
   score.slope *= all;
   score.information *= all;

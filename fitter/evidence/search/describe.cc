@@ -43,8 +43,9 @@ void Sampler::describe_alone(SearchResult& result) const {
   result.beyond = beyond_each_other(alone, result);
 }
 
-// Element (a, b): share of b's gain that remains beside a. It is computed if both have a Bayes
-// factor above 1, and b explains about as much as a or a is a structure; otherwise it is 1.
+// Element (a, b): share of b's gain that remains beside a. It is computed if both are absent and
+// have a Bayes factor above 1, and if b explains at least about as much as a or a is a structure;
+// otherwise it is 1.
 Eigen::MatrixXd Sampler::beyond_each_other(const std::vector<Eigen::MatrixXd>& alone,
                                            const SearchResult& result) const {
   const auto count = static_cast<Eigen::Index>(alone.size());

@@ -18,19 +18,19 @@ class Elimination {
   struct Local {
     Eigen::MatrixXd gram;
     Eigen::VectorXd gradient;
-    double squares = 0.0;  ///< yᵀy that the members leave
+    double squares = 0.0;  ///< yᵀy less the part that the members explain
   };
 
   /// Keeps references to both.
   Elimination(const Eigen::MatrixXd& gram, const Eigen::VectorXd& gradient, double squares);
 
-  /// Member `key`: columns from `first` on times `factor`.
+  /// Adds member `key`: columns from `first` on, times `factor`.
   void add(std::size_t key, Eigen::Index first, const Eigen::MatrixXd& factor);
   void remove(std::size_t key);
 
-  /// Of columns `first` to `first + width`, with all members eliminated.
+  /// Normal equations of `width` columns from `first` on, with all members eliminated.
   Local beside(Eigen::Index first, Eigen::Index width) const;
-  /// Of a member's own columns, with all other members eliminated.
+  /// Normal equations of a member's own columns, with all other members eliminated.
   Local without(std::size_t key) const;
   /// The part of the Gram matrix between two ranges of columns, with all members eliminated.
   Eigen::MatrixXd across(Eigen::Index first, Eigen::Index width, Eigen::Index other,
@@ -44,7 +44,7 @@ class Elimination {
   struct Member {
     std::size_t key;
     Eigen::Index first, size;  // rows of the root
-    Eigen::Index column;       // its first in the Gram matrix
+    Eigen::Index column;       // first column in the Gram matrix
     Eigen::MatrixXd factor;
   };
   std::vector<Member>::const_iterator find(std::size_t key) const;

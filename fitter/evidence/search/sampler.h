@@ -55,7 +55,7 @@ class Sampler {
     }
   };
   // Two alternative explanations: blocks of the likeliest set, and blocks that replace them. A
-  // block that has another size beside the others is in both.
+  // block whose size differs between the two is in both.
   struct Reading {
     Side one, other;
   };

@@ -18,14 +18,15 @@ namespace {
 // Costly blocks are visited in one of this many sweeps. A fixed order of visits does not change the
 // stationary distribution.
 constexpr int kCostlyEvery = 8;
-// A block whose presence was this improbable, or its absence, at its last visit is visited as
-// rarely.
+// A block whose presence or absence was less probable than this at its last visit is visited as
+// rarely as costly ones.
 constexpr double kImprobable = 1e-3;
 // A block that enters with a probability below this counts as strange (sweep()).
 constexpr double kStrange = 0.02;
 // Exchanges happen in one of this many sweeps, because each evaluates every block.
 constexpr int kExchangeEvery = 4;
-// climb() evaluates a block again only if the log odds of its best change were above this.
+// Between passes over all blocks, climb() evaluates only those whose best change had log odds above
+// this.
 constexpr double kPromising = -4.0;
 // An alternative explanation is kept if its log odds against the likeliest set are above this.
 constexpr double kWorthReading = -6.0;
@@ -226,7 +227,7 @@ void Sampler::exchange() {
   }
 }
 
-// Log evidence of the set with a side of a reading in it, over all sizes of that side's members:
+// Log evidence of the set with one side of a reading present, over all sizes of the side's members:
 // the evidence at their likely sizes divided by the conditional probabilities of these sizes (Chib
 // 1995, JASA 90, 1313, with each conditional at the likely sizes of the others). The members are
 // set, one after the other, to `sizes`, or drawn if that is empty: the log ratio of posterior to
@@ -251,8 +252,8 @@ void Sampler::take_out(const Side& side) {
   for (const std::size_t b : side.members) set(b, {});
 }
 
-// Finds alternative explanations, as one block may replace another, or two may replace one: removes
-// each member of the likeliest set in turn, and lets the greedy search continue without it.
+// Finds alternative explanations: one block may replace another, or two may replace one. Each
+// member of the likeliest set is removed in turn, and the greedy search continues without it.
 void Sampler::find_readings() {
   const std::vector<Choice> home = best_;
   const double home_posterior = best_posterior_;

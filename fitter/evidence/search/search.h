@@ -87,8 +87,8 @@ struct SearchResult {
   std::vector<int> alone_shape;  ///< by block: the best prior shape beside the start set alone
   std::vector<double> alone_gain, alone_log_bayes;  ///< by block: beside the start set alone
   /// (a, b): share of what b explains beside the start set that it still explains beside a. 1
-  /// unless both have a Bayes factor above 1, and b explains about as much as a or a is a
-  /// structure.
+  /// unless both are absent from that set and have a Bayes factor above 1, and b explains at least
+  /// about as much as a or a is a structure.
   Eigen::MatrixXd beyond;
   std::vector<double>
       separability;  ///< by block: least share of a column that base and start set do not explain
