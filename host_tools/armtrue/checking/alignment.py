@@ -1,4 +1,4 @@
-"""Base and tool found with nominal kinematics and no first guess: a wrong convention leaves a larger distance."""
+"""Base and tool found with nominal kinematics, without starting values; a wrong convention leaves a larger residual."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NOMINAL_ERROR_PER_REACH = 0.01
 
 @dataclass(frozen=True)
 class Alignment:
-    """Base, tools and the remaining distance with nominal kinematics. `scale`: 1000 where positions are millimetres."""
+    """Base, tools and residuals with nominal kinematics. `scale`: 1000 if positions are in millimetres."""
 
     rms_m: float
     scale: float
@@ -32,9 +32,9 @@ class Alignment:
 
 
 def align(columns: Columns, robot: Robot) -> Alignment:
-    """Align `columns` (q1…qn, x, y, z, and target where it is there) with `robot`.
+    """Align `columns` (q1…qn, x, y, z, and target if present) with `robot`.
 
-    Errors: ValueError where there are too few rows to align.
+    Errors: ValueError if there are too few rows to align.
     """
     from armtrue import _core
 
@@ -49,7 +49,7 @@ def align(columns: Columns, robot: Robot) -> Alignment:
 
 
 def alignment_columns(data: Dataset) -> Columns:
-    """The columns of `data` that an alignment reads; orientations stay out, as their conventions are unchecked."""
+    """The columns of `data` that an alignment reads; without orientations, whose conventions are not yet checked."""
     kept = [name for name in ("target", "station") if name in data.columns]
     wanted = [*commanded_joints(data.columns), *POSITION, *kept]
     return {name: data.columns[name] for name in wanted}
@@ -62,7 +62,7 @@ def thinned(columns: Columns, most_rows: int) -> Columns:
 
 
 def evenly(count: int, most: int) -> NDArray[np.int64]:
-    """At most `most` of the places 0 to `count` - 1, spread evenly."""
+    """At most `most` of the indices 0 to `count` - 1, spread evenly."""
     if count <= most:
         return np.arange(count)
     return np.unique(np.linspace(0, count - 1, most).astype(np.int64))

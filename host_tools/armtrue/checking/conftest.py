@@ -1,4 +1,4 @@
-"""Simulated campaigns of arms that hide nothing, for checks of what was done to them."""
+"""Simulated campaigns of arms without hidden effects; the tests add the mistakes that the checks must find."""
 
 from __future__ import annotations
 

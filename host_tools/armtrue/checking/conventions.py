@@ -1,7 +1,7 @@
-"""Wrong conventions: which change of how the file was read makes the nominal arm follow the measurements.
+"""Wrong conventions: the change in how the file is read under which the nominal arm follows the measurements.
 
-Signs, zeros, couplings, degrees, tables, orders and scale compete, singly and in pairs. Each is judged by the distance
-that stays after base and tool are found from nothing; every further change must leave a third of it at most.
+Signs, zeros, couplings, degrees, tables, orders and scale compete, singly and in pairs. Each is judged by the residual
+after base and tool are found without starting values; each further change must reduce it to a third or less.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _LARGEST_SCALE_WITHIN = 1.25
 
 @dataclass(frozen=True)
 class _Judged:
-    """A hypothesis (None: nothing is changed), the RMS distance that it leaves and the spread of its points [m]."""
+    """A hypothesis (None: no change), its RMS residual, the least residual that counts and the points' spread [m]."""
 
     hypothesis: Hypothesis | None
     rms_m: float
@@ -53,9 +53,9 @@ class _Judged:
 
     @property
     def score(self) -> float:
-        """The residual as a share of the points' spread, over the share that each change must leave at most.
+        """The residual relative to the points' spread, divided by `_CONVINCING` once for each change.
 
-        A share, since any arm reaches points that another unit shrinks to a speck.
+        Relative, since any arm reaches points that another unit shrinks almost to one point.
         """
         return max(self.rms_m, self.floor_m) / self.spread_m / _CONVINCING**self.changes
 
@@ -63,10 +63,10 @@ class _Judged:
 def find(
     columns: Columns, robot: Robot, more: Callable[[Reading], list[Hypothesis]] = lambda _: []
 ) -> list[Finding]:
-    """One error for each convention that is wrong, or one where positions follow the joints under none tried.
+    """One error for each wrong convention, or a single one if the positions follow the joints under no hypothesis.
 
-    `more`: further hypotheses where the arm does not follow as the file stands. A change explains the points only where
-    it brings them as near to the arm as arms are to their nominal geometry; where plain geometry does, that is said.
+    `more` gives further hypotheses if the unchanged file leaves more than nominal geometry may. A change is accepted
+    only if it leaves no more than that. If fitted geometry explains the points instead, a warning says so.
     """
     reading = Reading(columns, robot.spec)
     search = _Search(reading, robot)
@@ -97,13 +97,13 @@ class _Search:
         self._spread_m = lengths.spread(reading.columns)
 
     def unchanged(self) -> list[_Judged]:
-        """What stays as the file was read; infinite where only another unit would bring points and arm together."""
+        """The unchanged file, and beside it its scale if that explains the points; see `_aligned`."""
         return self._aligned(None)
 
     def best(self, more: list[Hypothesis]) -> tuple[_Judged, list[str]]:
-        """The hypothesis with the lowest score, None in it where none is better than nothing; and its rivals.
+        """The first hypothesis whose score is within `_AS_WELL` of the lowest (None: no change), and its rivals.
 
-        `more`: hypotheses that compete beside those of conventions.
+        `more`: hypotheses that compete in addition to those about conventions.
         """
         judged = self.unchanged()
         judged += [one for hypothesis in more for one in self._aligned(hypothesis)]
@@ -120,7 +120,7 @@ class _Search:
         return best, self._rivals(best, judged)
 
     def _rivals(self, best: _Judged, judged: list[_Judged]) -> list[str]:
-        """Other hypotheses with as many changes whose residual is about as small."""
+        """Sentences of other hypotheses with as many changes whose residual is about as small."""
         limit = _AS_WELL * max(best.rms_m, self._floor_m)
         return [
             one.hypothesis.sentence
@@ -132,7 +132,7 @@ class _Search:
         ][:_MOST_AS_WELL]
 
     def _odd_zeros(self) -> list[Hypothesis]:
-        """For each joint the zero, at any angle, under which points can follow best."""
+        """For each joint, the offset of its zero, at any angle, with the smallest lower bound on the residual."""
         return [
             hypotheses.zero(joint, degrees, self._robot)
             for joint in hypotheses.joints_with_a_zero(self._robot)
@@ -152,18 +152,18 @@ class _Search:
         return degrees
 
     def _lowest_score(self, changes: int) -> float:
-        """The score of `changes` that leave nothing at all."""
+        """The lowest score that `changes` changes can have."""
         return self._floor_m / self._spread_m / _CONVINCING**changes
 
     def _with_one_more(self, best: _Judged, singles: list[Hypothesis]) -> list[_Judged]:
-        """Three mistakes at once: what is best so far and each single one beside it."""
+        """Three mistakes at once: the best hypothesis so far, combined with each single one."""
         if best.hypothesis is None or best.changes < 2 or best.score <= self._lowest_score(changes=3):
             return []
         more = [hypotheses.pair(best.hypothesis, one) for one in singles]
         return self._judge([one for one in more if one is not None], best.score)
 
     def _judge(self, candidates: Sequence[Hypothesis], to_beat: float) -> list[_Judged]:
-        """Those of `candidates` that may score below `to_beat`, aligned in full, in the order they came in."""
+        """Those of `candidates` whose bound may beat `to_beat`, aligned in full, in their given order."""
         sampled = [self._sample(candidate) for candidate in candidates]
         charged = [
             max(bound, self._floor_m / self._spread_m) / _CONVINCING**candidate.changes
@@ -182,10 +182,13 @@ class _Search:
         return Reading(thinned(reading.columns, _ROWS), reading.spec)
 
     def _aligned(self, hypothesis: Hypothesis | None) -> list[_Judged]:
-        """`hypothesis` as it is, and beside it with the scale that goes with it where there is one."""
+        """`hypothesis` alone, and combined with the scale that the alignment finds if both explain the points.
+
+        Alone, its residual is infinite if that scale is beyond `_LARGEST_SCALE_WITHIN`.
+        """
         sample = self._sample(hypothesis)
         first = align(sample.columns, sample.robot)
-        # The alignment scales another unit by itself, so its residual does not belong to this hypothesis alone.
+        # The alignment itself corrects another unit, so its residual does not belong to this hypothesis alone.
         within = 1.0 / _LARGEST_SCALE_WITHIN < first.scale < _LARGEST_SCALE_WITHIN
         rms = first.rms_m if within else math.inf
         judged = [_Judged(hypothesis, rms, self._floor_m, self._spread_m)]
@@ -199,7 +202,7 @@ class _Search:
             latest = align(lengths.scaled(sample.columns, scale), sample.robot)
         scaled = hypotheses.scale(scale, self._robot)
         both = scaled if hypothesis is None else hypotheses.pair(hypothesis, scaled)
-        # Under wrong conventions any scale comes out: it counts only where it explains all there is.
+        # Wrong conventions give arbitrary scales: a scale counts only if it explains the points.
         if both is None or latest.rms_m > self.widest_m:
             return judged
         return [*judged, _Judged(both, latest.rms_m, self._floor_m, self._spread_m / scale)]

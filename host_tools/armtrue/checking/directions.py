@@ -1,4 +1,4 @@
-"""Columns `dir` that stand one row off or have other signs, told by the order of the rows."""
+"""Columns `dir` that are shifted by one row or have wrong signs, found from the order of the rows."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SCALES = {
 
 
 def find(data: Dataset) -> list[Finding]:
-    """A warning for each way in which directions that contradict the order of the rows would agree with it."""
+    """A warning for each change (shift, sign or coding) that makes contradictory directions agree with the motions."""
     shares = agreements(data.columns)
     return [
         _finding(data, joints, way, words, shares)

@@ -21,8 +21,8 @@ _PLUMB_DEGREES = 5.0
 def find(base: dict[str, Any], robot: Robot) -> list[Finding]:
     """A warning where the base is found far from upright, links have masses, and robot.yaml has no `gravity`.
 
-    Another where the `gravity` that it has points up in the measuring frame: some libraries state what a body at rest
-    feels. `base`: the frame measuring_from_base as alignments and fit.json have it, `rpy` in radians.
+    Another where its `gravity` points up in the measuring frame: some libraries state the acceleration that a sensor at
+    rest measures. `base`: the frame measuring_from_base as alignments and fit.json have it, `rpy` in radians.
     """
     if not any(link["mass"] > 0.0 for link in robot.spec.get("links", [])):
         return []

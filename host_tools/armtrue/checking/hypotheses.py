@@ -1,4 +1,4 @@
-"""What may be wrong in how a file was read: signs, zeros, couplings, conventions, units, order of columns and rows.
+"""Possible mistakes in how a file was read: signs, zeros, couplings, conventions, units, order of columns and rows.
 
 Each hypothesis is a change of the reading; it is judged by how well the nominal arm then follows the points.
 """
@@ -30,8 +30,8 @@ KIND_OF_COUPLING = (
 class Hypothesis:
     """A change of the reading: its finding's code, sentence and remedy, and the change itself.
 
-    `changes`: how many single mistakes it stands for. `about`: no two hypotheses about the same thing make a pair.
-    `parts`: the single hypotheses that a pair is made of; empty for a single one. `figures`: evidence of its own.
+    `changes`: number of single mistakes that it stands for. `about`: hypotheses that share an entry are never paired.
+    `parts`: the single hypotheses of a pair; empty for a single one. `figures`: additional evidence.
     """
 
     code: str
@@ -49,7 +49,7 @@ class Hypothesis:
 
 
 def pair(one: Hypothesis, other: Hypothesis) -> Hypothesis | None:
-    """Both changes together; None where they are about the same thing."""
+    """Both changes together; None if their `about` overlap."""
     if one.about & other.about:
         return None
     return Hypothesis(
@@ -88,7 +88,7 @@ def singles(robot: Robot) -> list[Hypothesis]:
 
 
 def sign_patterns(robot: Robot) -> Iterator[Hypothesis]:
-    """Three signs and more at once. They count as two mistakes, as one other view of the whole arm explains them."""
+    """Three or more wrong signs at once; they count as two mistakes, as one different view of the arm explains all."""
     joints = robot.motors
     if robot.joint_count > _JOINTS_FOR_ALL_SIGNS:
         return
@@ -119,7 +119,7 @@ def _turned(pattern: tuple[int, ...], changes: int, robot: Robot) -> Hypothesis:
 
 
 def joints_with_a_zero(robot: Robot) -> list[int]:
-    """Joints whose zero is tested: the first one's turns the base and the last one's the tool, which are fitted."""
+    """Joints whose zero is tested: not the first and the last, whose zeros turn base and tool, which are fitted."""
     return [k for k in range(2, robot.joint_count) if robot.joints[k - 1]["type"] == "revolute"]
 
 
@@ -166,7 +166,7 @@ def _with_offset(reading: Reading, joint: int, turn: float) -> Reading:
 
 def _couplings(robot: Robot) -> Iterator[Hypothesis]:
     given = {(row["joint"], row["driving"]): row["ratio"] for row in robot.spec.get("coupling", [])}
-    # What the controller couples is out of the angles already.
+    # Couplings of kind controller are already removed from the reported angles.
     reported = {
         (row["joint"], row["driving"])
         for row in robot.spec.get("coupling", [])

@@ -1,4 +1,4 @@
-"""Lengths measured against lengths of the arm: another unit, or a scale that is wrong."""
+"""Measured lengths compared with the arm's: another unit, or a wrong scale."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from armtrue.checking.alignment import Columns, align, thinned
 from armtrue.io.columns import POSITION
 from armtrue.io.robot import Robot
 
-# Nominal geometry never misjudges lengths by as much.
+# Errors of nominal geometry change the scale by less than this.
 TOLERANCE = 0.02
-# Size in metres, and what to call many of them.
+# Size in metres and plural name of each unit.
 _UNITS = {
     "m": (1.0, "metres"),
     "mm": (1e-3, "millimetres"),
@@ -37,12 +37,12 @@ def spread(columns: Columns) -> float:
 
 
 def scale_of(columns: Columns, robot: Robot) -> float:
-    """How many times as large as the arm the positions are, as far as conventions are right."""
+    """Factor by which the positions are too large for the arm; valid only under the right conventions."""
     return align(thinned(columns, _ROWS), robot).scale
 
 
 def nearest_unit(columns: Columns, robot: Robot) -> float:
-    """Scale of the unit of length that positions, in no matter what convention else, come nearest to."""
+    """Scale of the known unit of length, other than the metre, that is nearest to that of the positions."""
     scale = scale_of(columns, robot)
     if not scale > 0.0:
         return 1000.0
@@ -60,17 +60,17 @@ def true_unit(scale: float, read_as: str = "m") -> str | None:
 
 
 def unit_of_points(scale: float, robot: Robot) -> str | None:
-    """The unit that measured positions are in where `scale` tells it; None where it does not, or the arm is wrong."""
+    """The unit of the measured positions that explains `scale`; None if there is none, or the arm's unit is wrong."""
     return None if _arm_is_in_another(scale, robot) else _mistaken(scale)[0]
 
 
 def words_of_points(scale: float) -> str:
-    """What unit positions look like that are `scale` times as large as the arm."""
+    """The unit, in words, that makes positions `scale` times as large as the arm."""
     return _words(*_mistaken(scale))
 
 
 def sentence(scale: float, robot: Robot) -> str:
-    """Say that measured positions are `scale` times as large as the arm, and what unit that looks like."""
+    """Sentence that measured positions are `scale` times as large as the arm, with the unit that explains it."""
     if _arm_is_in_another(scale, robot):
         return (
             f"the arm's kinematics reach {robot.reach_m:.4g} m, and are {1.0 / scale:.5g} times as large as the "
@@ -85,7 +85,7 @@ def sentence(scale: float, robot: Robot) -> str:
 
 
 def remedy(scale: float, robot: Robot) -> str:
-    """What to do about `scale`."""
+    """Sentence on how to correct `scale`."""
     if _arm_is_in_another(scale, robot):
         return f"Write the lengths in {robot.kinematics_file} in metres."
     true = unit_of_points(scale, robot)
@@ -97,7 +97,7 @@ def remedy(scale: float, robot: Robot) -> str:
 
 
 def _mistaken(scale: float) -> tuple[str | None, str]:
-    """The unit that makes lengths `scale` times too large, and the one that they were read in: metres, else another."""
+    """The true unit of lengths that are `scale` times too large (None: unknown), and the unit they were read in."""
     return next(((true, read) for read in _UNITS if (true := true_unit(scale, read))), (None, "m"))
 
 

@@ -9,15 +9,15 @@ from armtrue.checking.report import Finding
 from armtrue.io.dataset import Dataset
 from armtrue.io.robot import Robot
 
-# A centre of mass lies in its link or what hangs on it; an arm's own reach leaves room for both [m].
+# A centre of mass lies in its link or an attached part: within the arm's reach and this margin [m].
 _BEYOND_REACH_M = 1.0
 _HEAVIEST_LINK_KG = 10_000.0
-# A payload beyond the arm's own weight is in grams from here on; below, a mass of a link may be wrong.
+# A payload heavier than the arm is taken for grams above this; below, a link's mass may be the wrong one.
 _LEAST_GRAMS = 100.0
 
 
 def find(data: Dataset, robot: Robot) -> list[Finding]:
-    """One error for each mass or centre of mass that cannot be, and a warning for payloads no such arm carries."""
+    """One error for each impossible mass or centre of mass, and a warning for a payload heavier than the arm."""
     return [*_of_links(robot), *_of_payload(data, robot)]
 
 

@@ -19,7 +19,7 @@ _SAME_POSE_RAD = 1e-6
 # A read-back that differs from the command by more than this at the tool shows in a fit [m].
 _READBACK_AT_TOOL_M = 20e-6
 _ROWS_NAMED = 8
-# A clock that begins again does so in fewer than this share of the rows, and at less than this share of its last time.
+# A restarted clock goes back in fewer than this share of the rows, each time to less than this share of its last time.
 _MOST_SESSIONS = 0.1
 _AGAIN = 0.05
 
@@ -140,7 +140,7 @@ def _read_back(data: Dataset, robot: Robot) -> list[Finding]:
 
 
 def pose_keys(data: Dataset) -> NDArray[np.int64]:
-    """Joints and reflector of each row as whole numbers (N, joints + 1): equal where rows are of one pose."""
+    """Joints and reflector of each row as integers (N, joints + 1), equal for rows of one pose and reflector."""
     poses = np.round(data.joints / _SAME_POSE_RAD).astype(np.int64)
     return np.column_stack([poses, data.columns.get("target", np.zeros(data.count)).astype(np.int64)])
 
@@ -198,8 +198,8 @@ def _scatter(data: Dataset, pose_of_row: NDArray[np.intp], again: NDArray[np.boo
 def repeats_scatter_m(data: Dataset) -> float:
     """Standard deviation [m], x, y and z together, of repeated poses about their mean; inf if none was repeated.
 
-    Rows count as one pose if joints, payload and directions of approach agree: a difference that a spring or backlash
-    makes is no noise.
+    Rows count as one pose if joints, payload and directions of approach agree: differences due to springs or backlash
+    are not noise.
     """
     states = [values for name, values in data.columns.items() if name.startswith("dir") or name == "payload"]
     keys = np.column_stack([pose_keys(data), *states])
@@ -210,7 +210,7 @@ def repeats_scatter_m(data: Dataset) -> float:
 
 
 def scatter_m(positions: Array, pose_of_row: NDArray[np.intp]) -> float:
-    """Standard deviation [m], all axes together, of `positions` (N, 3) about the mean of their pose; inf for none."""
+    """Standard deviation [m], all axes together, of `positions` (N, 3) about their pose's mean; inf without repeats."""
     _, pose, sizes = np.unique(pose_of_row, return_inverse=True, return_counts=True)
     freedom = len(positions) - len(sizes)
     if freedom == 0:

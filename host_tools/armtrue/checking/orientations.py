@@ -18,13 +18,13 @@ from armtrue.io.robot import Robot
 from armtrue.io.rotation import matrix_from_euler, matrix_from_rotation_vector
 from armtrue.tables.chain import flanges, pose
 
-# Nominal arms turn their tool within a degree or two of the truth; a wrong convention misses by tens.
+# Nominal kinematics give the tool's orientation within a degree or two; a wrong convention is off by tens of degrees.
 _LARGEST_ANGLE = math.radians(5.0)
 _ROWS = 60
 _REMEDY = (
     "Mend the rotation's order, sequence, axes or unit in dataset.yaml; until then fit without orientations."
 )
-# What was meant by the columns as they were read: places of w, x, y, z among them, whether inverted, and in words.
+# Other meanings of the columns as read: places of w, x, y, z among them, whether inverted, and a description.
 _MEANT = (
     (
         (1, 2, 3, 0),
@@ -45,7 +45,7 @@ _MEANT = (
 
 
 def find(data: Dataset, measured: Columns, robot: Robot) -> list[Finding]:
-    """One error where orientations do not follow the joints, with the convention that mends it where one does.
+    """One error if orientations do not follow the joints, with the convention under which they do, if there is one.
 
     `measured`: the joints of `data` in radians, whatever the file has them in.
     """
@@ -89,9 +89,9 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> list[Finding]:
 def rotation_that_follows(
     data: Dataset, robot: Robot, keys: dict[str, Any]
 ) -> tuple[dict[str, Any], float] | None:
-    """The keys of dataset.yaml's `rotation` under which orientations follow the arm, and within how many degrees.
+    """The keys of dataset.yaml's `rotation` under which orientations follow the arm, and the median angle [degrees].
 
-    `keys`: those under which `data` was read. None where they follow under none.
+    `keys`: those under which `data` was read. None if orientations follow under no keys.
     """
     measured = alignment_columns(data)
     nominal = _nominal(measured, robot)
@@ -120,7 +120,7 @@ def rotation_that_follows(
 def _matrix_that_follows(
     nominal: Array, measured: Array, target: Array, keys: dict[str, Any]
 ) -> tuple[dict[str, Any], float] | None:
-    """Matrices row by row as the file has them, or column by column: that of the tool, or its inverse."""
+    """The keys with the matrix columns in the given or the transposed order, whichever follows the arm; else None."""
     names = keys["columns"]
     inverse = [names[3 * k + i] for i in range(3) for k in range(3)]
     for columns, matrices in ((names, measured), (inverse, np.swapaxes(measured, 1, 2))):
@@ -131,7 +131,7 @@ def _matrix_that_follows(
 
 
 def _nominal(measured: Columns, robot: Robot) -> Array:
-    """Rotations (N, 3, 3) measuring frame from flange, with nominal kinematics and the base that is found."""
+    """Rotations (N, 3, 3) measuring_from_flange, with nominal kinematics and the aligned base."""
     alignment = align(thinned(measured, _ROWS), robot)
     flange = flanges(measured, robot.spec)
     return np.asarray(pose(dict(alignment.measuring_from_base))[:3, :3] @ flange[:, :3, :3])
@@ -140,12 +140,12 @@ def _nominal(measured: Columns, robot: Robot) -> Array:
 def _best_convention(
     nominal: Array, turns: Array, target: Array, source: RotationSource
 ) -> tuple[float, dict[str, Any]]:
-    """The typical angle [rad] of the convention of Euler angles under which they follow best, and its keys.
+    """The median angle [rad] and the keys of the Euler convention under which the orientations follow best.
 
-    `turns`: the file's angles (N, 3) [rad] as read by `source`. The fewest changes come first among equals.
+    `turns`: the file's angles (N, 3) [rad] as read by `source`. Among equals the one with the fewest changes is taken.
     """
     chosen = evenly(len(turns), _ROWS)
-    # Degrees read as radians or the other way round change what every sequence makes of them.
+    # Both units are tried with every sequence: under a wrong unit no sequence follows.
     units = {"deg": math.pi / 180.0, "rad": 1.0}
     own_unit = next((unit for unit, factor in units.items() if factor == source.factor), "mrad")
     best: tuple[float, int, dict[str, Any]] = (math.inf, 0, {})
@@ -157,7 +157,7 @@ def _best_convention(
         left = _typical_angle(nominal[chosen], matrices, target[chosen])
         changes = (unit != own_unit) + (sequence != source.sequence) + (intrinsic != source.intrinsic)
         changes += 2 * (order != (0, 1, 2))
-        # Angles apart by rounding are equal: intrinsic XYZ is extrinsic ZYX with its columns the other way round.
+        # Rounded, so that equivalent conventions are equal: intrinsic XYZ is extrinsic ZYX with its columns reversed.
         rank = (round(left, 6), changes)
         if rank < best[:2]:
             keys = {
@@ -172,7 +172,7 @@ def _best_convention(
 
 
 def _typical_angle(nominal: Array, measured: Array, target: Array) -> float:
-    """Median angle [rad] between what is measured and the arm with the attitude of each target found."""
+    """Median angle [rad] between measured and nominal orientations, with the best attitude of each target."""
     angles = []
     for one in np.unique(target):
         rows = target == one

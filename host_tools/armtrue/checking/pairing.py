@@ -1,7 +1,7 @@
 """Rows whose position belongs to the joints of a row near by (a reading was lost), or to another reflector.
 
-Base and tools are found from rows that follow the arm. Then every position is asked whether it follows the joints of
-its own row, those of a row near by, or its own joints with the tool of another reflector.
+Base and tools are found from rows that follow the arm. Each position is then compared with the prediction from the
+joints of its own row, from those of a row near by, and from its own joints with the tool of another reflector.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ CODES = ("rows_shifted", "reflectors_exchanged")
 _LAGS = (1, -1, 2, -2, 3, -3)
 # One row that fits a neighbour may be chance, and two may have been exchanged.
 _FEWEST_ROWS = 3
-# A fit keeps gross errors out while they are a tenth of all rows, and more only where they exceed what any arm errs by.
-# Half of a tenth leaves room for other gross errors beside the block.
+# A fit excludes gross errors up to a tenth of all rows, and more only if they exceed the errors of any arm. Half of a
+# tenth leaves room for other gross errors beside the block.
 _SPOILS_A_FIT = 0.05
 # If fewer rows are explained, something else is wrong as well, which the search over conventions may find.
 _EXPLAINED = 0.75
@@ -47,11 +47,11 @@ _PASSES = 3
 
 @dataclass(frozen=True)
 class _Placed:
-    """Distances [m] of every position from where it should be, with one base and one set of tools.
+    """Distances [m] between measured and predicted positions, with one base and one set of tools.
 
-    `own`: (N,) with the joints and the reflector of its row. `shifted`: lag → (N,), with the joints so many rows
-    further down. `renamed`: (reflectors, N), with its own joints and each reflector. Infinite where there is none: a
-    reflector that no row follows has no known place on the arm, so that nothing can be said of its rows.
+    `own`: (N,) with the joints and the reflector of the same row. `shifted`: lag → (N,), with the joints that many rows
+    further down. `renamed`: (reflectors, N), with the row's joints and each reflector. Infinite without a prediction: a
+    reflector that no row follows has no known place on the arm, so its rows cannot be judged.
     `limit_m`: a larger distance is a gross error.
     """
 
@@ -61,17 +61,17 @@ class _Placed:
     limit_m: float
 
     def explained(self) -> Mask:
-        """Rows that follow the arm in some reading."""
+        """Rows that follow the arm with some lag or reflector."""
         return np.asarray(self._least() <= self.limit_m)
 
     def best_lag(self) -> NDArray[np.int64]:
-        """For each row the lag under which it lies nearest, 0 where its own joints are within the limit."""
+        """For each row the lag with the smallest distance; 0 if the row's own joints are within the limit."""
         lags = np.array([0, *self.shifted])
         nearest = lags[np.argmin([self.own, *self.shifted.values()], axis=0)]
         return np.where(self.own <= self.limit_m, 0, nearest)
 
     def best_target(self, own: NDArray[np.int64]) -> NDArray[np.int64]:
-        """For each row the reflector to which it lies nearest, that of `own` where this one is within the limit."""
+        """For each row the reflector with the smallest distance; that in `own` if the row is within the limit."""
         return np.where(self.own <= self.limit_m, own, np.argmin(self.renamed, axis=0))
 
     def _least(self) -> Array:
@@ -104,7 +104,7 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> tuple[list[Finding],
 
 
 def _place(measured: Columns, robot: Robot) -> _Placed | None:
-    """Base and tools with which most rows agree in some reading; None if there are none."""
+    """Distances with base and tools that explain most rows (`_EXPLAINED`) by some lag or reflector, or None."""
     search = _Search(measured, robot)
     for lag, chosen in search.starts():
         placed = search.placed(lag, chosen)
@@ -114,7 +114,7 @@ def _place(measured: Columns, robot: Robot) -> _Placed | None:
 
 
 class _Search:
-    """The search for base and tools of `measured`, some of whose rows may have another's position or reflector."""
+    """The search for base and tools of `measured`, where some rows may have another row's position or reflector."""
 
     def __init__(self, measured: Columns, robot: Robot) -> None:
         self._measured = measured
@@ -127,13 +127,13 @@ class _Search:
         self._widest_m = NOMINAL_ERROR_PER_REACH * robot.reach_m
 
     def starts(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-        """Lags (M,) and rows (M,) to begin with: the whole file as it stands, then parts that may be of one piece.
+        """Lags (M,) and rows (M,) to start from: the whole file with lag 0, then parts with a single lag.
 
-        Where half of the rows are shifted no base fits them all, but one fits any part before or after that row.
+        If a shift begins half way, no base fits all rows, but one fits any part before or after that row.
         """
         whole = np.arange(self._count)
         yield np.zeros(self._count, dtype=np.int64), whole
-        # The relaxed problem has 12 unknowns and 3 a tool; four equations for each leave something to judge by.
+        # The relaxed problem has 12 unknowns and 3 a tool; four equations for each leave degrees of freedom.
         fewest = 16 + 4 * len(self._names)
         for share in _SHARES:
             size = max(fewest, int(share * self._count))
@@ -145,7 +145,7 @@ class _Search:
             for lag, window in tried:
                 rows = window[evenly(size, _ROWS)]
                 readings.append(Reading(self._paired(np.full(len(rows), lag), rows), self._robot.spec))
-            # A part that has all reflectors tells of all rows; and readings are compared with as many unknowns each.
+            # Only parts with the most reflectors compete: they predict the most rows and have equally many unknowns.
             reflectors = [len(np.unique(reading.columns.get("target", 0))) for reading in readings]
             most = [at for at, number in enumerate(reflectors) if number == max(reflectors)]
             bounds = lower_bounds([readings[at] for at in most])
@@ -158,7 +158,7 @@ class _Search:
     def _paired(
         self, lag: NDArray[np.int64], rows: NDArray[np.int64], target: NDArray[np.int64] | None = None
     ) -> Columns:
-        """The columns of `rows`: positions with the joints `lag` further down, reflectors counted from 0."""
+        """The columns of `rows`: positions with the joints `lag` rows further down, reflectors renumbered from 0."""
         paired = {
             name: values[rows if name in POSITION else rows + lag] for name, values in self._measured.items()
         }
@@ -168,7 +168,7 @@ class _Search:
         return paired
 
     def placed(self, lag: NDArray[np.int64], rows: NDArray[np.int64]) -> _Placed | None:
-        """Base and tools from `rows` read with `lag`, then from all rows that follow these in some reading."""
+        """Distances with base and tools from `rows` read with `lag`, then from all rows that these explain."""
         target = self._target[rows + lag]
         limit = self._widest_m
         for _ in range(_PASSES):
@@ -199,7 +199,7 @@ class _Search:
         predicted = np.full((len(self._names), self._count, 3), np.inf)
         from_flange = pose(dict(base)) @ self._flange
         for place, code in enumerate(np.unique(target)):
-            # A single tool stands under no number.
+            # With a single tool, its key in `tools` is not a number.
             tool = np.array(tools.get(str(place), next(iter(tools.values())))["xyz"])
             predicted[code] = from_flange[:, :3, :3] @ tool + from_flange[:, :3, 3]
         renamed = np.linalg.norm(predicted - self._points, axis=2)
@@ -214,7 +214,7 @@ class _Search:
     def _shifted(self, lag: int, predicted: Array) -> Array:
         """Distances (N,) from the point of the joints `lag` rows further down.
 
-        The name of the reflector may have stayed with the joints or gone with the position: the nearer of both.
+        The name of the reflector may belong to the joints or to the position: the smaller distance is taken.
         """
         rows = np.arange(max(0, -lag), min(self._count, self._count - lag))
         result = np.full(self._count, np.inf)
@@ -225,7 +225,7 @@ class _Search:
 
 
 def _blocks(marked: Mask, contradicts: Mask) -> Iterator[slice]:
-    """Runs of rows from a marked one to a marked one with no contradiction between them."""
+    """Runs of rows that begin and end with a marked row and contain no contradicting one."""
     # Rows with the same number of contradictions before them can belong to one run.
     piece = np.cumsum(contradicts)
     for number in np.unique(piece[marked]):
@@ -302,7 +302,7 @@ def _exchanges(data: Dataset, placed: _Placed, among: Mask) -> Iterator[tuple[Fi
         marked = of_pair & (distance <= placed.limit_m) & (placed.own > placed.limit_m)
         contradicts = of_pair & (distance > placed.limit_m) & (placed.own <= placed.limit_m)
         if marked.sum() > contradicts.sum():
-            # Base and tools were found from rows with the exchanged names: the larger part is right.
+            # Base and tools were found from rows with exchanged names: the larger part is taken as right.
             marked, contradicts = contradicts, marked
         if np.count_nonzero(marked) >= _FEWEST_ROWS:
             distances = np.sort([placed.own[marked], distance[marked]], axis=0)
@@ -311,7 +311,7 @@ def _exchanges(data: Dataset, placed: _Placed, among: Mask) -> Iterator[tuple[Fi
 
 
 def _in_rows(data: Dataset, marked: Mask, contradicts: Mask) -> str:
-    """`in rows 62 to 91` where few runs hold all rows `marked`, else their numbers."""
+    """`in rows 62 to 91` if the rows `marked` form few runs, else the number of each row."""
     piece = np.cumsum(contradicts)
     runs = [data.rows[marked & (piece == number)] for number in np.unique(piece[marked])]
     if len(runs) > _MOST_RUNS:

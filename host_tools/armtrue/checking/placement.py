@@ -1,4 +1,4 @@
-"""How well an arm can follow its points at best: a lower bound in closed form, for hundreds of readings of a file."""
+"""Closed-form lower bound on the residual between arm and points, for hundreds of readings of a file."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ class Reading:
 
 
 def lower_bounds(readings: Sequence[Reading]) -> Array:
-    """About the least RMS distance that each of `readings` leaves, whatever base and tool, as a share of the points'
-    spread. All have as many rows.
+    """Approximate least RMS distance of each of `readings` over all bases and tools, relative to the points' spread.
 
     Base rotation and the measurements' scale are relaxed to any 3 × 3 matrix: p = A x + c − R t is linear in A, c and
-    the tool t, where R and p are the flange's attitude and place. A bumped reflector loses its weight.
+    the tool t, where R and p are the flange's attitude and place. Rows with a gross error, as from a bumped reflector,
+    get little weight. All readings need the same number of rows.
     """
     found = [_relaxed(readings[first : first + _AT_A_TIME]) for first in range(0, len(readings), _AT_A_TIME)]
     return np.concatenate(found) if found else np.empty(0)
@@ -54,7 +54,7 @@ def lower_bounds(readings: Sequence[Reading]) -> Array:
 
 def _relaxed(readings: Sequence[Reading]) -> Array:
     systems = [relaxed_system(reading) for reading in readings]
-    # A reading whose rows hold fewer reflectors has fewer tools: the others' columns are zero, and so are they.
+    # A reading with fewer reflectors has fewer tools: the columns of the others are zero, and so is their solution.
     unknowns = max(system[0].shape[2] for system in systems)
     rows = np.stack(
         [np.pad(system[0], ((0, 0), (0, 0), (0, unknowns - system[0].shape[2]))) for system in systems]
@@ -73,7 +73,7 @@ def _relaxed(readings: Sequence[Reading]) -> Array:
         scale = np.maximum(1e-9, 2.0 * np.median(distance, axis=1, keepdims=True))
         weight = 1.0 / (1.0 + (distance / scale) ** 2)
     rms = np.sqrt((weight * distance**2).sum(axis=1) / weight.sum(axis=1))
-    # Points were brought to unit spread: this is the spread that the solution gives them on the arm.
+    # Points were scaled to unit spread: A, the first nine unknowns, gives them this spread on the arm.
     spread = np.linalg.norm(solution[:, :9, 0], axis=1) / np.sqrt(3.0)
     return np.asarray(rms / np.maximum(spread, 1e-12))
 

@@ -1,4 +1,4 @@
-"""What a check found."""
+"""The findings of a check."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class CheckReport:
 
 
 def _without_infinities(value: Any) -> Any:
-    """`value`, a tree of dictionaries and lists, with None for what is no finite number: JSON knows no other."""
+    """`value`, a tree of dictionaries and lists, with None for numbers that are not finite, which JSON lacks."""
     if isinstance(value, dict):
         return {key: _without_infinities(one) for key, one in value.items()}
     if isinstance(value, list):

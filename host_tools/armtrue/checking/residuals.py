@@ -1,4 +1,4 @@
-"""What stands out once base and tool are found: gross errors, and a base or tool far from what was stated."""
+"""Findings from residuals after alignment: gross errors, and a base or tool far from the stated one."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from armtrue.io.columns import commanded_joints
 from armtrue.io.dataset import Dataset
 from armtrue.io.robot import Robot
 
-# A gross error stands so many robust standard deviations above the median, and at least so far [m].
+# A gross error is this many robust standard deviations above the median, and at least this large [m].
 _GROSS_DEVIATIONS = 10.0
 _GROSS_M = 3e-3
-# Base and tool from a drawing are seldom better [m].
+# Base and tool from a drawing are seldom more accurate than this [m].
 _STATED_APART_M = 0.02
 
 
@@ -49,7 +49,7 @@ def find_gross(data: Dataset, alignment: Alignment) -> list[Finding]:
 
 
 def find_stated_poses(data: Dataset, alignment: Alignment, robot: Robot) -> list[Finding]:
-    """A note where base and tool of robot.yaml put the points elsewhere than measured; a fit finds its own."""
+    """A note if base and tool of robot.yaml put the points far from where they were measured; a fit finds its own."""
     base, tool = robot.spec.get("base"), robot.spec.get("tool")
     if base is None or tool is None or len(alignment.flange_from_tool) != 1:
         return []

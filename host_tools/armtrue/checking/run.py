@@ -1,4 +1,4 @@
-"""All checks in order: first what needs no kinematics, then what base and tool found from nothing tell."""
+"""All checks in order: first those without kinematics, then those that need base and tool to be found."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ NO_ARM = {
 def check(data: Dataset, robot: Robot) -> CheckReport:
     """Check `data` (read with `strict=False`) of `robot` for mistakes before any physics.
 
-    Errors: none of its own; what is wrong is a finding.
+    Errors: none of its own; every mistake is a finding.
     """
     findings = cheap_findings(data, robot)
     data = data.take(~data.lost)
@@ -61,13 +61,13 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
         findings += gravity.find(alignment.measuring_from_base, robot)
         findings += tell.find(riding, robot)
         if any(finding.code == "repeats_drift" for finding in findings):
-            # Repeats then scatter by the drift.
+            # The drift then adds to the scatter of repeats.
             findings = [finding for finding in findings if finding.code != "sigma_too_small"]
     return CheckReport.of(findings)
 
 
 def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
-    """What is found without a fit, in milliseconds where nothing is wrong: what `fit` asks before it begins."""
+    """Findings that need no fit, in milliseconds if nothing is wrong; `fit` asks for them before it begins."""
     findings = [
         *units.find(data, robot),
         *units.find_time(data, robot),
@@ -85,15 +85,15 @@ def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
         return findings
     against = _against_kinematics(data, robot)
     if any(finding.code == "rows_shifted" for finding in against):
-        # A shift begins or ends with a position that stands twice: to take that row out alone does not mend it.
+        # A shift begins or ends with a repeated position: removing that row alone does not correct the shift.
         findings = [finding for finding in findings if finding.code != "stale_position"]
     return [*findings, *against]
 
 
 def refuse_what_cannot_be_an_arm(data: Dataset, robot: Robot) -> list[str]:
-    """Raise InputError with the first error of `cheap_findings`: under it a fit means nothing.
+    """Raise InputError with the first error of `cheap_findings`, which would make a fit meaningless.
 
-    Return its warnings, each with its remedy: what a fit may have been led astray by.
+    Return its warnings, each with its remedy: mistakes that may bias the fit.
     """
     findings = cheap_findings(data, robot)
     for finding in findings:
@@ -120,7 +120,7 @@ def _has_all_coordinates(data: Dataset) -> bool:
 
 
 def _riding(data: Dataset) -> Dataset:
-    """The rows of reflectors that ride on the arm."""
+    """The rows of reflectors that are mounted on the arm."""
     return without_fixed_targets(data) if fixed_targets(data) else data
 
 
@@ -133,18 +133,18 @@ def _against_kinematics(data: Dataset, robot: Robot) -> list[Finding]:
     measured = units.in_si_units(alignment_columns(riding), robot)
     misplaced, rows = pairing.find(riding, measured, robot)
     if any(finding.severity == "error" for finding in misplaced):
-        # Under it any scale or zero may seem to explain what is wrong.
+        # With misplaced rows, a wrong scale or zero may seem to explain the residuals.
         return misplaced
     if rows.any():
         riding = riding.take(~rows)
         measured = {name: values[~rows] for name, values in measured.items()}
     findings = conventions.find(measured, robot, lambda reading: jumps.hypotheses(riding, reading))
     if units.positions_are_in_another(riding.columns, robot):
-        # Their unit is a finding already; the one guessed to go on with may have been another than the right one.
+        # Their unit is a finding already; the unit assumed for the other checks may be a wrong one.
         findings = [finding for finding in findings if finding.code != "scale"]
     if not any(finding.severity == "error" for finding in findings):
         moved = steps.find(riding, measured, robot)
-        # Distances to a reflector that was put back change with it.
+        # A reflector step also changes distances between reflectors: these are then not checked.
         findings += moved
         if not any(finding.code == "reflector_step" for finding in moved):
             findings += distances.find(riding)

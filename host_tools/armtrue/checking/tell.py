@@ -1,4 +1,4 @@
-"""What the data can and cannot tell, asked of a fit of the geometry alone."""
+"""Limits of the data: joints and columns that hardly vary, and parameters that a fit of geometry cannot determine."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from armtrue.io.dataset import Dataset
 from armtrue.io.model import Model
 from armtrue.io.robot import Robot
 
-# Enough to see what separates; more only takes time.
+# Enough rows to find parameters that the poses do not separate; more only take time.
 _ROWS = 300
 # Below this share of its limits a joint leaves much of the workspace unseen.
 _SHARE_OF_LIMITS = 0.5
-# What the fitter says of pairs that other poses would separate; the rest holds of any poses and is no finding.
+# Phrase of the fitter for pairs that other poses would separate; other pairs are inseparable by any, and no finding.
 _OF_THESE_POSES = "by these poses"
 _DIRECTION = re.compile(r"dir([0-9]+)")
-# Joints that stand still are told elsewhere; the others are measured, or put the measurements in order.
+# Columns that are no cause of errors: joints (their standstill is another finding), measured values and groupings.
 _NO_CAUSE = re.compile(r"qr?[0-9]+|q[wxyz]|[xyz]|travel[0-9]+|sigma|repeat|target|station|nest")
 _FROM_BOTH_SIDES = "Go to some poses from the other side ('armtrue plan' with --levels dir=-1,1)."
 _OTHER_VALUES = (
@@ -34,12 +34,12 @@ _OTHER_VALUES = (
 
 
 def find(data: Dataset, robot: Robot) -> list[Finding]:
-    """Notes on what stays unknown or untestable, and on the share of the workspace that was visited."""
+    """Notes on undetermined parameters, untestable effects, and the share of the joint limits that was covered."""
     return [*_coverage(data, robot), *_never_change(data), *_of_a_fit(data, robot)]
 
 
 def _never_change(data: Dataset) -> list[Finding]:
-    """Notes on columns that are recorded and tell nothing, as they have one value in all rows."""
+    """Notes on recorded columns that carry no information, as they have one value in all rows."""
     findings = []
     other_signs = directions.are_zero_or_one(data)
     for name, values in data.columns.items():

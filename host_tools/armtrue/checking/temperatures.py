@@ -42,7 +42,7 @@ def find(data: Dataset) -> list[Finding]:
 
 
 def without_columns(data: Dataset, robot: Robot) -> list[Finding]:
-    """A warning for each sensor of robot.yaml that the file has no column of, a note where it has none of any."""
+    """A warning for each sensor of robot.yaml without a column in the file; a note if the file has no such column."""
     columns = _thermometers(data)
     return [
         Finding(
@@ -102,19 +102,19 @@ def _in_time(data: Dataset) -> NDArray[np.intp]:
 
 
 def _alone(distinct: Array) -> Array:
-    """Those of the sorted figures of a column that have no other within `_APART_K`."""
+    """Those of a column's sorted distinct values that are at least `_APART_K` from all others."""
     wide = np.diff(distinct, prepend=-np.inf, append=np.inf) >= _APART_K
     return distinct[wide[:-1] & wide[1:]]
 
 
 def _is_spike(values: Array, value: float) -> bool:
-    """True where `value` stands in one row and the rows before and after are as one another."""
+    """True if the rows before and after the single row with `value` agree within `_APART_K`."""
     at = int(np.argmax(values == value))
     return 0 < at < values.size - 1 and abs(values[at + 1] - values[at - 1]) < _APART_K
 
 
 def _still(data: Dataset, name: str, order: NDArray[np.intp]) -> Iterator[Finding]:
-    """A warning where the thermometer stood still over a stretch of the rows in `order`, those of time."""
+    """A warning if the thermometer stood still over a stretch of the rows `order`, which are in order of time."""
     values = data.columns[name][order]
     first, last = _longest_stretch(values)
     if last - first + 1 < max(_STILL_ROWS, _STILL_SHARE * data.count):
@@ -150,7 +150,7 @@ def _longest_stretch(values: Array) -> tuple[int, int]:
 
 
 def _leaps(steps: Array, elsewhere: Array, time: Array, first: int, last: int) -> bool:
-    """True where the stretch is reached or left by many of the sensor's usual steps within a usual interval."""
+    """True if the reading jumps by many usual steps, and without a pause, at the start or end of the stretch."""
     intervals = np.diff(time)
     usual = _PAUSE_INTERVALS * float(np.median(intervals))
     large = _LEAP_STEPS * float(np.median(elsewhere[elsewhere > 0.0]))

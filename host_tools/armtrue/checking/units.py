@@ -34,7 +34,7 @@ def find(data: Dataset, robot: Robot) -> list[Finding]:
     for name, at, expected in wrong_units(data.columns, robot):
         evidence = {"column": name, "row": int(data.rows[at]), "found": float(data.columns[name][at])}
         if name in POSITION and (scale := _scale(data, robot)):
-            # The alignment with the arm tells the scale more surely than the size of the figures.
+            # The alignment with the arm gives the scale more reliably than the size of the values.
             expected = _LIKELY.sub(f"(these look like {lengths.words_of_points(scale)})", expected)
             evidence |= {"scale": scale, "unit": lengths.unit_of_points(scale, robot)}
         findings.append(

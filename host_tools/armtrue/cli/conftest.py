@@ -62,7 +62,7 @@ def run_forked(
 
 
 def armtrue(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run a command as a person does; a traceback is never right."""
+    """Run a command as a user does; a traceback fails the test."""
     run = run_forked(*arguments, cwd=cwd)
     assert "Traceback" not in run.stderr, run.stderr
     return run
@@ -70,7 +70,7 @@ def armtrue(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A campaign of an arm with an eccentric gear, and fit.json of what its owner believes in."""
+    """A campaign of an arm with an eccentric gear, and fit.json of its model.yaml."""
     made = tmp_path_factory.mktemp("campaign")
     armtrue_sim.cli_simulate(SCENARIO, made)
     run = armtrue(*FIT, "--out", "fit.json", cwd=made)
@@ -84,7 +84,7 @@ def urdf_of(robot: Path, length: float = 1.0) -> str:
     parts = ['<robot name="arm"><link name="base"/>']
     parent, turned = "base", 0.0
     for k, row in enumerate(joints, start=1):
-        # The offset of the joint before turns all that follows it about its z.
+        # The offset of the previous joint turns everything after that joint about its z axis.
         c, s = math.cos(turned), math.sin(turned)
         ca, sa = math.cos(row["alpha"]), math.sin(row["alpha"])
         x, y, z = row["a"], -sa * row["d"], ca * row["d"]

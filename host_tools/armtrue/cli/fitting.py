@@ -222,7 +222,7 @@ def summary(result: Fit) -> dict[str, Any]:
 
 
 def present_fit(result: Fit, output: Output, all_parameters: bool = False) -> None:
-    """Print errors before and after, the noise floor, parameters, and what the data could not tell."""
+    """Print the errors, the noise floor, parameters, gross errors, what the data do not determine, and warnings."""
     document = result.document
     output.table(_error_table(document))
     output.say(floor_sentence(document))

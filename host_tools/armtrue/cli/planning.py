@@ -180,7 +180,7 @@ def plan(
 
 
 def present_plan(plan: Plan, output: Output) -> None:
-    """Print what was chosen and what it is expected to tell."""
+    """Print the chosen poses and what they are expected to determine."""
     reflector = f" of reflector {plan.target}" if plan.target is not None else ""
     output.say(f"{plan.count} poses{reflector}{_settings_words(plan)}")
     if plan.separates:
@@ -190,7 +190,7 @@ def present_plan(plan: Plan, output: Output) -> None:
 
 
 def _present_ambiguity(ambiguity: Ambiguity | None, plan: Plan, command: str, output: Output) -> None:
-    """Say what the data already decide of a diagnosis' ambiguity set, and so what the poses are for."""
+    """Print what the data already decide about a diagnosis' ambiguity set, and thus the purpose of the poses."""
     if ambiguity is None:
         output.say("The diagnosis recommends no effect: these poses are for the fit's own parameters.")
         return

@@ -1,4 +1,4 @@
-"""The compensator as seen from the host: over any bus that python-can can open."""
+"""Access to a compensator from the host, over any bus that python-can can open."""
 
 from armtrue.device.compensator import Compensator, DeviceRefusedError, Status
 from armtrue.device.sdo import CommunicationError, SdoAbortError, SdoClient

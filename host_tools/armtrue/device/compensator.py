@@ -58,7 +58,7 @@ REFUSALS = {
 }
 SELF_TESTS = ("checksums", "object dictionary", "table in force", "buses", "pass-through")
 
-# Values that the host computes with: the valid numbers, and their wording in the error that any other number raises.
+# Valid numbers of the values that the host computes with, and their wording in the error for any other number.
 _POSSIBLE = {
     "Compensator status.Joint count": (range(1, 9), "1 to 8"),
     "Table status.Active slot": ((0, 1, NO_SLOT), f"0, 1 or {NO_SLOT}"),
@@ -123,7 +123,7 @@ class Compensator:
         self.client.download(entry.index, entry.sub, data, timeout_s)
 
     def status(self, *objects: str) -> Status:
-        """All values of the named records and variables, `Record.Value` each."""
+        """All values of the named records and variables; those of a record are named `Record.Value`."""
         names = [name for name in dictionary() if name.split(".")[0] in objects]
         kept = [name for name in names if not name.endswith("Highest sub-index supported")]
         return Status({name: self._plain(name) for name in kept})
@@ -139,8 +139,8 @@ class Compensator:
             try:
                 return self._check_product()
             except CommunicationError:
-                # A server in an abandoned block transfer takes requests for segments of it; a server that commits a
-                # table for another client erases flash.
+                # A server in an abandoned block transfer takes a request for a segment of it; a server that is
+                # committing another client's table is erasing flash.
                 self.client.abort(0, 0)
             finally:
                 self.client.timeout_s = usual_s

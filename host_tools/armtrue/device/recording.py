@@ -25,7 +25,7 @@ _SAME_CLOCK_S = 60.0
 
 
 def channel_label(interface: str, channel: str) -> str:
-    """How a log names a channel: a word that ends in the channel's number, which is all that some forms keep."""
+    """The channel's name in a log: a word that ends in its number, as some log formats keep only the number."""
     if re.fullmatch(r"[A-Za-z]\w*", channel):
         return channel
     return interface + (channel if re.fullmatch(r"\d{1,3}", channel) else "0")

@@ -27,7 +27,7 @@ class Step:
 
 @dataclass
 class UploadResult:
-    """What an upload did."""
+    """Result of an upload."""
 
     steps: list[Step] = field(default_factory=list)
     bytes_sent: int = 0

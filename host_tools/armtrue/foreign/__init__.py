@@ -1,4 +1,4 @@
-"""Measurements as instruments and controllers export them: what their files mean, guessed and said."""
+"""Foreign measurement files, as instruments and controllers export them: their meaning is guessed and reported."""
 
 from armtrue.foreign.init import Guessed, init
 

@@ -1,4 +1,4 @@
-"""Clocks of foreign files: stamps in whatever form, and figures that count seconds, milliseconds or days."""
+"""Clocks of foreign files: time stamps in many formats, and numbers that count seconds, milliseconds or days."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from armtrue.foreign.sheets import Sheet, is_number, to_float
 from armtrue.io.columns import UNITS
 from armtrue.io.layout import read_stamp
 
-# Clocks with a date count from here, whatever form they have, so that those of several files can be compared.
+# Origin of all clocks with a date, so that the clocks of several files can be compared.
 _BEGIN = datetime.datetime(2000, 1, 1)
 _UNIX_BEGIN = (datetime.datetime(1970, 1, 1) - _BEGIN).total_seconds()
 _EXCEL_BEGIN = (datetime.datetime(1899, 12, 30) - _BEGIN).total_seconds()
@@ -30,25 +30,25 @@ _FRACTION = re.compile(r":\d{2}[.,]\d")
 _MIDNIGHT = re.compile(r"[T ]00:00(?::00(?:\.0+)?)?$")
 _DATE_WORDS = re.compile(r"date|datum|\btag\b|\bday\b", re.IGNORECASE)
 _TIME_WORDS = re.compile(r"time|zeit|uhr|clock", re.IGNORECASE)
-# Seconds that a figure of a Unix clock counts, and how many of them there were between 2005 and 2100.
+# Units of Unix clocks [s], and the range of Unix seconds between 2005 and 2100.
 _UNIX = ((1.0, "seconds"), (1e-3, "milliseconds"), (1e-6, "microseconds"), (1e-9, "nanoseconds"))
 _UNIX_RANGE = (1.1e9, 4.1e9)
-# Days that Excel counts from the year 2000 to 2100.
+# Excel's day numbers from the year 2000 to 2100.
 _EXCEL_RANGE = (36526.0, 73051.0)
-# No arm is measured at twice as many poses a second: figures that are closer count something longer than seconds.
+# No arm is measured at two poses a second: numbers that are closer than this count a unit longer than seconds.
 _CLOSEST_POSES_S = 0.5
-# Hours and days that begin this early would be told of a session at night.
+# Least fraction of a day: counts of hours or days begin earlier, and would be taken for a session at night.
 _EARLIEST_OF_DAY = 0.2
 _SECOND_TOLERANCE = 2e-3
 
 
 @dataclass(frozen=True)
 class Clock:
-    """How one column tells the time, and in `words` what of that was guessed and from what.
+    """How one column gives the time; `words`: what was guessed and why.
 
-    `pattern`: that of a text; None where figures stand, each `factor` seconds. `kind`: plain "seconds", a time of
-    "day", or a time with a "date", whose figures have their zero `zero` seconds after the year 2000 began. Times of two
-    kinds cannot be compared.
+    `pattern`: strptime pattern of texts; None for numbers, in units of `factor` seconds. `kind`: plain "seconds", a
+    time of "day", or a time with a "date"; numbers then count from `zero` seconds after the start of the year 2000.
+    Times of different kinds cannot be compared.
     """
 
     words: str
@@ -58,13 +58,13 @@ class Clock:
     zero: float = 0.0
 
     def seconds(self, cells: list[str], decimal: str) -> Array:
-        """Seconds of each of `cells`, of all clocks of one kind from the same moment."""
+        """Seconds of each of `cells`, from the same origin for all clocks of one kind."""
         if self.pattern is not None:
             return np.array([_since(cell, self.pattern) for cell in cells])
         return np.array([to_float(cell, decimal) for cell in cells]) * self.factor + self.zero
 
     def entry(self, header: str, cells: list[str], decimal: str) -> tuple[str, Any]:
-        """Where in dataset.yaml this clock of the column `header` goes, and what stands there."""
+        """The section of dataset.yaml for this clock of the column `header`, "time" or "columns", and its entry."""
         if self.pattern is not None:
             return "time", {"column": header, "format": self.pattern}
         unit = next((unit for unit in ("s", "ms", "min", "h") if UNITS[unit][1] == self.factor), None)
@@ -79,7 +79,7 @@ class Clock:
 
 
 def read_clock(cells: list[str], decimal: str, stated: str | None) -> Clock | None:
-    """The clock that `cells` show, `stated` being the unit that their header states; None where they show none."""
+    """The clock in `cells`, None if they are no clock. `stated`: the unit that their header states."""
     if all(is_number(cell, decimal) for cell in cells) and not _digits(cells):
         return _of_figures(np.array([to_float(cell, decimal) for cell in cells]), stated)
     return _of_texts(cells)
@@ -91,7 +91,7 @@ def is_clock(cells: list[str]) -> bool:
 
 
 def why_no_clock(cells: list[str], rows: list[int]) -> str:
-    """Why `cells`, which stand in those rows of the file, are no clock."""
+    """Why `cells`, from these `rows` of the file, are no clock."""
     if all(_is_date(cell) for cell in cells):
         return "found dates without a time of day, which do not tell the rows of one day apart"
     model = max(cells, key=lambda cell: bool(_patterns(cell)))
@@ -103,7 +103,7 @@ def why_no_clock(cells: list[str], rows: list[int]) -> str:
 
 
 def join_date_and_time(sheet: Sheet) -> tuple[Sheet, str | None]:
-    """`sheet` with one column in place of a date and a time of day that stand in columns of their own, and a note."""
+    """`sheet` with separate columns of date and time of day joined into one, and a note (None: nothing to join)."""
     if any(_is_stamped(sheet, name) for name in sheet.header):
         return sheet, None
     day = next((name for name in sheet.header if _all_dates(sheet, name)), None)
@@ -188,7 +188,7 @@ def _of_texts(cells: list[str]) -> Clock | None:
 
 
 def _chosen(stamps: dict[str, Array], patterns: list[str]) -> tuple[str, str]:
-    """Which of the orders of day and month it is, and from what that was guessed."""
+    """The pattern with the likelier order of day and month, and the reason in words."""
     (first, one), *more = stamps.items()
     if not more:
         refused = [pattern for pattern in patterns if pattern != first]
@@ -214,7 +214,7 @@ def _chosen(stamps: dict[str, Array], patterns: list[str]) -> tuple[str, str]:
 
 
 def _patterns(cell: str) -> list[str]:
-    """The strptime patterns that a cell can be meant in: two where day and month can stand for one another."""
+    """The strptime patterns that a cell may have: two if day and month can be exchanged."""
     whole = _STAMP.fullmatch(cell)
     if whole is None or not whole["time"]:
         return []

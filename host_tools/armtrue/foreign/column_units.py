@@ -21,7 +21,7 @@ _LETTER = re.compile(r"[_ .](f|c)$", re.IGNORECASE)
 
 
 def find_geometry_units(part: Part, prismatic: set[str]) -> None:
-    """Fill `part.units` for joints and points, each column by its own header where it states a unit."""
+    """Fill `part.units` for joints and points; a unit in a column's own header comes first."""
     _joint_units(part, prismatic)
     for name, headers in part.meaning.points.items():
         stated = [_stated(part, header, "length", "a point") for header in headers]
@@ -30,7 +30,7 @@ def find_geometry_units(part: Part, prismatic: set[str]) -> None:
 
 
 def find_units(part: Part) -> None:
-    """Fill `part.units` for all other columns, note what is taken and from what, and drop columns that are no use."""
+    """Fill `part.units` for all other columns, note each unit with its reason, and drop columns without use."""
     sheet, meaning = part.sheet, part.meaning
     for name, headers in meaning.points.items():
         units = [part.units[point_axis(name, axis)] for axis in "xyz"]
@@ -57,7 +57,7 @@ def find_units(part: Part) -> None:
 
 
 def _drop_numbers_of_repetitions(part: Part) -> None:
-    """Drop a `repeat` that counts the repetitions of a pose, where the contract's names the pose."""
+    """Drop a `repeat` that numbers the repetitions of a pose; the contract's `repeat` identifies the pose."""
     header = part.meaning.others.get("repeat")
     if header is None or not part.meaning.joints:
         return
@@ -69,7 +69,7 @@ def _drop_numbers_of_repetitions(part: Part) -> None:
 
 
 def codes_of_words(part: Part) -> None:
-    """Make whole numbers from 1 of stations and nests that have names; the table must then be written anew."""
+    """Replace names of stations and nests by whole numbers from 1; the table must then be written to a new file."""
     sheet = part.sheet
     for name in ("station", "nest"):
         header = part.meaning.others.get(name)
@@ -86,9 +86,9 @@ def codes_of_words(part: Part) -> None:
 
 
 def _joint_units(part: Part, prismatic: set[str]) -> None:
-    """Find the unit of each joint: from its own header, else from another joint's that turns or slides as it does.
+    """Find the unit of each joint: from its own header, else from that of another joint of the same type.
 
-    Where no header states one, the size of the values tells it.
+    If no header states a unit, it is guessed from the size of the values.
     """
     for kind, default, foreign, largest_default in (
         ("angle", "rad", "deg", 2.2 * math.pi),
@@ -134,7 +134,7 @@ def _apart(part: Part, name: str) -> float:
 
 
 def _stated(part: Part, header: str, kind: str, of: str) -> str | None:
-    """The unit that a header states. Errors: InputError where what it holds cannot have it."""
+    """The unit that a header states. Errors: InputError if it is not a unit of `kind`."""
     unit = part.sheet.units.get(header)
     if unit is not None and UNITS[unit][0] != kind:
         raise InputError(
@@ -144,7 +144,7 @@ def _stated(part: Part, header: str, kind: str, of: str) -> str | None:
 
 
 def _rotation_unit(part: Part) -> None:
-    """The unit of three angles. Where headers state several, the angles are written anew, all in radians."""
+    """Find the unit of three angles. If headers state different units, all angles are rewritten in radians."""
     headers = part.meaning.rotation
     stated = [_stated(part, header, "angle", "an orientation") for header in headers]
     largest = max(float(np.abs(part.numbers(header)).max()) for header in headers)
@@ -164,7 +164,7 @@ def _rotation_unit(part: Part) -> None:
 
 
 def _temperature_unit(part: Part, header: str) -> str:
-    """By the letter at the end of the header, else by the size of the values."""
+    """The unit by the letter at the end of the header, else by the size of the values."""
     letter = _LETTER.search(header)
     if letter is not None and letter[1].lower() == "f":
         return "degF"
@@ -172,7 +172,7 @@ def _temperature_unit(part: Part, header: str) -> str:
 
 
 def find_clock(part: Part) -> None:
-    """Fill `part.clock` where there is a column of time that can be read, and note how, or why not."""
+    """Fill `part.clock` if a column of time can be read, and note how it is read, or why it is not."""
     header = part.meaning.others.get("time")
     if header is None:
         return

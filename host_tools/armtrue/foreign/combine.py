@@ -1,4 +1,4 @@
-"""Foreign sheets to one table in the contract's form: files that belong together, wide to long, reflectors."""
+"""Foreign sheets joined to one table in the contract's form: rows of files matched, reflectors one below the other."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from armtrue.foreign.parts import Part, in_si, point_axis
 
 @dataclass
 class LongTable:
-    """Several files as one: its columns, the unit of those that are not in SI, and the reflector of each row.
+    """The joined table: its columns, the unit of those that are not in SI, and the reflector of each row.
 
-    Figures stay as the files have them, so that a unit that was guessed wrongly can be put right where it is stated.
+    Values keep the units of the files, so that a wrongly guessed unit can be corrected in dataset.yaml.
     """
 
     columns: dict[str, Array]
@@ -30,7 +30,7 @@ class LongTable:
 
 @dataclass(frozen=True)
 class _Block:
-    """The rows of one reflector: its points in `part` under the name `point`, and the rows of joints and of points."""
+    """Rows of one reflector: its points in `part` under the name `point`, and the matched rows of joints and points."""
 
     label: str
     part: Part
@@ -39,12 +39,12 @@ class _Block:
     points: Rows
 
 
-# A column of the table by its name: the values of its blocks of rows, one below the other, each with its unit.
+# Name of a column of the table → values of its blocks of rows, one below the other, each with its unit.
 _Pieces = dict[str, list[tuple[Array, str | None]]]
 
 
 def long_table(parts: list[Part]) -> tuple[LongTable, list[str]]:
-    """All files as one table under the contract's names, and what was done."""
+    """All files as one table under the contract's names, and notes on what was done."""
     with_joints = [part for part in parts if part.meaning.joints]
     if len(with_joints) != 1:
         names = ", ".join(part.sheet.path.name for part in (with_joints or parts))
@@ -78,14 +78,14 @@ def long_table(parts: list[Part]) -> tuple[LongTable, list[str]]:
         return table, notes
     named = base.meaning.others.get("target")
     cells = base.sheet.cells(named) if named else []
-    # One name a row is that of the pose, and no reflector's.
+    # If most rows have a name of their own, the names are of poses, not of reflectors.
     few = 1 < 2 * len(set(cells)) <= len(cells)
     table.labels = [cells[at] for at in blocks[0].joints] if few else None
     return table, notes
 
 
 def _blocks(base: Part, parts: list[Part]) -> tuple[list[_Block], list[str]]:
-    """Every reflector of every file, and how its rows were found to belong to those of the joints."""
+    """One block for each reflector of each file, and notes on how its rows were matched to those of the joints."""
     blocks: list[_Block] = []
     notes: list[str] = []
     for part in (part for part in parts if part.meaning.points):
@@ -102,7 +102,7 @@ def _blocks(base: Part, parts: list[Part]) -> tuple[list[_Block], list[str]]:
 
 
 def _columns(base: Part, block: _Block) -> dict[str, tuple[Array, str | None]]:
-    """The columns of one reflector. What both files have is taken from that with the joints."""
+    """The columns of one reflector. Columns that both files have are taken from the file with the joints."""
     part = block.part
     columns: dict[str, tuple[Array, str | None]] = {
         name: (base.numbers(header)[block.joints], base.units.get(name))

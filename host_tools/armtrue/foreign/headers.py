@@ -1,4 +1,4 @@
-"""What a foreign column holds, by its header: words of common instruments, controllers and languages."""
+"""Meaning of foreign columns by their headers: words of common instruments, controllers and languages."""
 
 from __future__ import annotations
 
@@ -64,14 +64,14 @@ _WORDS = {
 }
 _OF_THE_CONTRACT = re.compile(r"sigma|(?:dir|tau|travel|duty)[1-9]\d?")
 _TEMPERATURE_WORDS = re.compile(r"measurement|meas|temp(?:erature?|eratur)?", re.IGNORECASE)
-# Not the German Stempel, of Zeitstempel.
+# Excludes the German Stempel, as in Zeitstempel (time stamp).
 _TEMPERATURE = re.compile(r"temp(?!el)", re.IGNORECASE)
-# Words of thermometers that say so less clearly: the figures must be those of a room or an arm, in °C, °F or K.
+# Less certain words for temperatures: the values must also be those of a room or an arm, in °C, °F or K.
 _PERHAPS_TEMPERATURE = re.compile(
     r"^t[_ .]?\d{1,2}$|^t[_ ][a-z]\w*$|ambient|umgebung|^room\b|^raum(?:luft)?\b|^coolant\b", re.IGNORECASE
 )
 _COLDEST, _HOTTEST = -30.0, 330.0
-# A controller's pose counted by number: actual_TCP_pose_0.
+# A controller's pose with numbered components: actual_TCP_pose_0.
 _OWN_POSE = re.compile(r"(?:^|[_ .])(?:tcp|tool)[_ .]?pose(?:$|[_ .\d])", re.IGNORECASE)
 _DEVIATION = re.compile(
     r"^(?:d|delta|Δ|δ|dev|diff|difference|deviation|err|error)[_ .]?[xyz]$", re.IGNORECASE
@@ -85,12 +85,12 @@ _KEYS = re.compile(
 
 @dataclass
 class Meaning:
-    """What a sheet holds: contract name → header, for the columns that were recognised.
+    """The columns recognised in a sheet: contract name → header.
 
-    `points`: reflector name → headers of x, y, z. `rotations`: whose → headers of three angles, a quaternion or a
-    matrix; `rotation`: those of them that are taken. `externals`:
-    headers of axes that may carry the arm and that move; `carry` makes joints of them. `variables`: names of one's own
-    → header, for further columns of numbers. `left`: header → why it is not taken.
+    `points`: reflector name → headers of x, y, z. `rotations`: name of the owner → headers of three angles, a
+    quaternion or a matrix; `rotation`: those of them that are used. `externals`: headers of moving axes that may carry
+    the arm; `carry` makes joints of them. `variables`: own name → header, for further columns of numbers. `left`:
+    header → why it is not used.
     """
 
     joints: dict[str, str] = field(default_factory=dict)
@@ -104,7 +104,7 @@ class Meaning:
     left: dict[str, str] = field(default_factory=dict)
 
     def carry(self, joint_count: int) -> None:
-        """Put the axes that carry the arm before its own joints where both together are `joint_count`."""
+        """Number the axes that carry the arm before its own joints if both together are `joint_count`."""
         own = sum(not name.startswith("qr") for name in self.joints)
         first = len(self.externals)
         if first == 0 or own == 0 or own + first != joint_count:
@@ -168,7 +168,7 @@ def _take(found: Meaning, sheet: Sheet, name: str, word: str) -> None:
 
 
 def _why_left(sheet: Sheet, name: str, word: str) -> str:
-    """Why a column is left out by its name, whatever it holds; empty where it is not."""
+    """Why a column is left out because of its name, whatever its values; empty if it is not."""
     if _OWN_POSE.search(word):
         return "it is the controller's own pose by its name, and nothing that was measured"
     if _PLANNED.search(word):
@@ -181,7 +181,7 @@ def _why_left(sheet: Sheet, name: str, word: str) -> str:
 
 
 def _deviation(sheet: Sheet, name: str) -> str:
-    """Which two columns of one axis differ by what stands in this one, `Actual X minus Nominal X`; empty if none."""
+    """The two columns of one axis whose difference this column is, `Actual X minus Nominal X`; empty if none."""
     axis = split_unit(name)[0][-1].lower()
     wanted = _figures(sheet, [name])
     beside = []
@@ -198,7 +198,7 @@ def _deviation(sheet: Sheet, name: str) -> str:
 
 
 def _sensor(sheet: Sheet, name: str, word: str) -> str:
-    """The name of the thermometer that a column is of; empty where it is of none."""
+    """The name of the temperature sensor of a column; empty if the column holds no temperature."""
     unit = sheet.units.get(name)
     sure = _TEMPERATURE.search(word) or (unit is not None and UNITS[unit][0] == "temperature")
     if not sure:
@@ -213,13 +213,13 @@ def _sensor(sheet: Sheet, name: str, word: str) -> str:
 
 
 def _clock(sheet: Sheet, names: list[str]) -> str | None:
-    """The column of clock times, whatever its header; of several the one with a header that says time."""
+    """The column of clock times, whatever its header; of several, one whose header has a word for time."""
     clocks = [name for name in names if is_clock(sheet.cells(name))]
     return next((name for name in clocks if _WORDS["time"].search(name)), next(iter(clocks), None))
 
 
 def _take_as_variable(found: Meaning, sheet: Sheet, name: str, word: str) -> None:
-    """Take a column that has no name of the contract as one under its own, or say why not."""
+    """Take a column outside the contract as a variable under its own name, or note why not."""
     cells = sheet.cells(name)
     own = re.sub(r"\W+", "_", word, flags=re.ASCII).strip("_")
     own = own if own.isidentifier() else f"column_{own}"
@@ -244,7 +244,7 @@ def _joints(sheet: Sheet, plain: dict[str, str], joint_names: list[str]) -> dict
     ur = {part: next((name for name, word in plain.items() if part in word.lower()), None) for part in _UR}
     if all(ur.values()):
         return {f"q{k}": str(name) for k, name in enumerate(ur.values(), start=1)}
-    # Columns that differ in their number alone are of one kind: q0 … q3 are no joints of J1 … J6.
+    # Columns whose headers differ only in the number form one set: q0 … q3 are no joints beside J1 … J6.
     alike: dict[str, dict[str, dict[int, str]]] = {"q": {}, "qr": {}}
     for name, word in plain.items():
         match = _JOINT.match(word)
@@ -266,9 +266,9 @@ def _joints(sheet: Sheet, plain: dict[str, str], joint_names: list[str]) -> dict
 
 
 def _longest_run(sets: list[dict[int, str]], wanted: int) -> list[str]:
-    """The headers, numbered without a gap, of the set that has `wanted` of them (0: not known), else the most.
+    """The headers, numbered without a gap, of the set that has `wanted` of them (0: unknown), else of the longest.
 
-    Where no set has enough, names may differ in more than their number: all are then taken for one set.
+    If no set has enough, all are merged into one, as names may differ in more than their number.
     """
     if not sets:
         return []
@@ -305,14 +305,14 @@ def _of_unit_length(sheet: Sheet, names: list[str]) -> bool:
 
 
 def _rotations(sheet: Sheet, plain: dict[str, str]) -> dict[str, list[str]]:
-    """Headers of orientations by the words before them, `TCP` of `TCP RX, TCP RY, TCP RZ`."""
+    """Headers of orientations, keyed by the words before them: `TCP` for `TCP RX, TCP RY, TCP RZ`."""
     words: dict[str, dict[str, str]] = {}
     parts = {part for group in (*_MATRICES, *_QUATERNIONS, *_ANGLES) for part in group}
     for name, word in plain.items():
         if _PLANNED.search(word) or _SPREAD.search(word):
             continue
         for at in range(len(word)):
-            # Letters alone are angles under few words: Motor A is none.
+            # A single letter is an angle only after certain words (`_WHOSE`): Motor A is none.
             whose = word[:at].rstrip("_ .")
             begins = at == 0 or (word[at - 1] in "_ ." and (len(word) - at > 1 or _WHOSE.fullmatch(whose)))
             if begins and word[at:].lower() in parts:
@@ -333,7 +333,7 @@ def _rotations(sheet: Sheet, plain: dict[str, str]) -> dict[str, list[str]]:
 
 
 def _points(plain: dict[str, str]) -> dict[str, list[str]]:
-    """Triples of x, y, z: names that differ in the axis letter only. What was planned or is a spread is passed over."""
+    """Triples of x, y, z: names that differ in the axis letter only. Planned values and spreads are not used."""
     groups: dict[str, dict[str, str]] = {}
     for name, word in plain.items():
         match = _AXIS.match(word.replace("_", " "))

@@ -1,4 +1,4 @@
-"""`armtrue init`: robot.yaml, dataset.yaml and model.yaml from foreign files, with what was guessed and from what."""
+"""`armtrue init`: robot.yaml, dataset.yaml and model.yaml from foreign files, with each guess and its reason."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _NAMES = ("robot.yaml", "dataset.yaml", "model.yaml", "data.csv")
 
 @dataclass
 class Guessed:
-    """`written`: the files; `notes`: what was guessed and from what; `findings`: what the checks say of the result."""
+    """`written`: the files; `notes`: each guess and its reason; `findings`: of the checks on the result."""
 
     written: list[Path] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -59,7 +59,7 @@ def init(
     force: bool = False,
     skip_bad: bool = False,
 ) -> Guessed:
-    """Read foreign measurement `files` and write what `check` and `fit` take, into the folder `out`.
+    """Read foreign measurement `files` and write the files that `check` and `fit` read into the folder `out`.
 
     `urdf`, `dh`, `robot`: the arm as a URDF, a table of DH rows, or a robot.yaml that is there already. `force`:
     replace files of an earlier run. `skip_bad`: leave out rows that cannot be read.
@@ -133,8 +133,9 @@ class _Init:
     def _arm(
         self, urdf: Path | None, dh: Path | None, robot: Path | None
     ) -> tuple[list[tuple[str, str]], list[str], set[str], list[int]]:
-        """Texts of robot.yaml to choose from, each with its words; joint names; prismatic joints; those with a motor
-        (empty: all).
+        """Texts of robot.yaml to choose from, each with a description, and properties of the joints.
+
+        These are their names, the prismatic ones, and those with a motor (empty: all).
         """
         if urdf is not None:
             arm_of_urdf = robots.urdf_arm(urdf, self._out, self._joint_counts())
@@ -170,7 +171,7 @@ class _Init:
         return [], [joint["name"] for joint in arm.joints], prismatic, arm.motors
 
     def _arms(self, robot_texts: list[tuple[str, str]], robot: Path | None) -> list[Robot]:
-        """The arm in each form that it may have. Those that cannot be read are named where they are written."""
+        """The arm in each possible form. Forms that cannot be read are skipped: `_write` reports them."""
         if robot is not None and not robot_texts:
             return [load_robot(robot)]
         arms = []
@@ -186,7 +187,7 @@ class _Init:
         return arms
 
     def _joint_counts(self) -> list[int]:
-        """How many joints the files may hold, the likelier first: with the axes that carry the arm, and without."""
+        """Possible numbers of joints in the files, the likelier first: with and without the axes that carry the arm."""
         first = next((m for sheet in self._sheets if (m := meaning(sheet, [])).joints), None)
         if first is None:
             return []
@@ -285,7 +286,7 @@ class _Init:
         return align(thinned(columns, _ROWS), arm).rms_m
 
     def _found_rotation(self, rotation: dict[str, Any], dataset: dict[str, Any], arm: Robot, put: Any) -> Any:
-        """`rotation` in the convention under which orientations follow the arm; None where they do under none."""
+        """`rotation` in the convention under which orientations follow the arm; None if there is none."""
         put("dataset.yaml", _yaml({**dataset, "rotation": rotation}))
         data: Dataset = load_data(self._out / "dataset.yaml", arm, strict=False)
         found = rotation_that_follows(data, arm, rotation)
@@ -302,7 +303,7 @@ class _Init:
 
 
 def _names_in(sheet: Sheet, names: list[str], motors: list[int]) -> list[str]:
-    """The arm's joint names that a sheet may use: all of them, or those with a motor where it lacks the others."""
+    """The arm's joint names that a sheet may use: all of them, or those with a motor if it lacks some."""
     words = {name.lower() for name in sheet.header}
     if all(name.lower() in words for name in names):
         return names
@@ -310,8 +311,9 @@ def _names_in(sheet: Sheet, names: list[str], motors: list[int]) -> list[str]:
 
 
 def _fit_to_arm(part: Part, joint_count: int, motors: list[int]) -> None:
-    """Leave out joints beyond the arm's `joint_count` (0: not known), and give those of a file that counts motors the
-    numbers of the arm. Errors: InputError where there are too few.
+    """Leave out joints beyond the arm's `joint_count` (0: unknown). Errors: InputError if there are too few.
+
+    If the file numbers only the joints with a motor, its joints get the arm's numbers.
     """
     found = part.meaning
     own = [header for name, header in found.joints.items() if not name.startswith("qr")]
@@ -345,7 +347,7 @@ def _fit_to_arm(part: Part, joint_count: int, motors: list[int]) -> None:
 
 
 def _rename_taken(part: Part) -> None:
-    """Give variables other names where theirs are functions, state variables or columns of the contract."""
+    """Rename variables whose names are functions, state variables or columns of the contract."""
     sensors = [name.removeprefix("temp_") for name in part.meaning.others if name.startswith("temp_")]
     state = json.loads(_core.state_variables(len(part.meaning.joints) or 6, sensors))
     taken = {*EXPRESSION_WORDS, *POSITION, *QUATERNION, *part.meaning.others, *part.meaning.joints}
@@ -360,7 +362,7 @@ def _entry(header: str, unit: str | None) -> Any:
 
 
 def _direct(part: Part, out: Path) -> dict[str, Any]:
-    """dataset.yaml for one file as it is, the rotation in a first guess."""
+    """dataset.yaml for one file that is read as it is, with a first guess of the rotation's convention."""
     sheet, found = part.sheet, part.meaning
     columns: dict[str, Any] = {}
     (point,) = found.points.items()
@@ -404,7 +406,7 @@ def _rotation(headers: list[str], part: Part) -> dict[str, Any]:
 
 
 def _moved(robot: Path, out: Path) -> str:
-    """The text of `robot` for another folder: a URDF that it names is named from there."""
+    """The text of `robot` for the folder `out`, with the path of its URDF relative to that folder."""
     text = robot.read_text(encoding="utf-8-sig")
     spec = yaml.safe_load(text)
     urdf = spec.get("kinematics", {}).get("urdf") if isinstance(spec, dict) else None

@@ -1,7 +1,7 @@
-"""A controller's own pose among the columns: it is reckoned from the joints, and no instrument measured it.
+"""Columns with the controller's own pose, which is computed from the joints and not measured by an instrument.
 
-It is known by two marks. By its numbers: it follows nominal kinematics to the rounding of the file, far below what any
-arm errs by. By its name, as a controller that was calibrated reckons with other kinematics.
+They are recognised by their values, which follow nominal kinematics to the rounding of the file, far below the errors
+of any arm, or by their name, as a calibrated controller computes with other kinematics.
 """
 
 from __future__ import annotations
@@ -31,27 +31,27 @@ _INSTRUMENT = re.compile(
     r"creaform|t.?mac|instrument|camera",
     re.IGNORECASE,
 )
-# Of the controller where an instrument stands beside it by its name; else it may be what was measured.
+# Names of the controller's pose if another set is named after an instrument; else the set may be the measured one.
 _ACTUAL = re.compile(r"\b(?:act|actual|ist|fb|feedback)\b", re.IGNORECASE)
 _MEASURED = re.compile(r"act|meas|fb|feedback|readback|read_back|\bist\b", re.IGNORECASE)
 _PERHAPS = re.compile(r"^$|\bflange\b|\btool\b|\bwrist\b|\bbase\b|\bpos\w*\b|\bact", re.IGNORECASE)
-# Rounded figures leave so many times their standard deviation at most; a data sheet's own digits so much per metre.
+# Rounding leaves at most this many of its standard deviations; the digits of a data sheet this much per metre of reach.
 _ROUNDINGS = 3.0
 _DATA_SHEET = 2e-5
-# An arm errs by so many times more than what a controller's own pose is off.
+# A measured set has at least this many times the residual of the controller's own pose.
 _LEAST_RATIO = 3.0
 _ROWS = 200
-# A reflector that moves less is fixed to the floor; two on one tool keep their distance.
+# A reflector that moves less is fixed to the floor; the distance between two on one tool varies by less.
 _STILL_M = 5e-3
 _RIGID_M = 0.1
 
 
 @dataclass(eq=False)
 class _Set:
-    """One set of points of a file, with the rows of joints and of points that belong together.
+    """One set of points of a file, with the matched rows of joints and of points.
 
-    `left_m`: what nominal kinematics leave of it; `rounding_m`: what digits explain of that; `data_sheet_m`: what those
-    of the data sheet alone do.
+    `left_m`: RMS residual with nominal kinematics; `rounding_m`: residual that rounding explains; `data_sheet_m`: that
+    which the rounding of the data sheet alone explains.
     """
 
     part: Part
@@ -78,8 +78,8 @@ class _Set:
 def leave_out_own_poses(parts: list[Part], arms: list[Robot]) -> None:
     """Take a controller's own points and orientations out of `parts`, with a note on each.
 
-    `arms`: the arm in each form it may have. Errors: InputError where points lie in two frames and nothing tells which
-    of them the instrument measured.
+    `arms`: the arm in each form it may have. Errors: InputError if points lie in two frames and it cannot be decided
+    which of them the instrument measured.
     """
     with_joints = [part for part in parts if part.meaning.joints]
     if len(with_joints) != 1 or not any(part.meaning.points for part in parts):
@@ -113,7 +113,7 @@ def _moves(found: _Set) -> bool:
 
 
 def _place(found: _Set, base: Part, arms: list[Robot]) -> None:
-    """What the nominal kinematics of the arm leave of a set of points, whatever base and tool."""
+    """Fill in the residuals of a set of points: the least that any of `arms` leaves with base and tool aligned."""
     few = evenly(found.joints.size, _ROWS)
     names = commanded_joints(base.meaning.joints)
     columns = {
@@ -137,7 +137,7 @@ def _place(found: _Set, base: Part, arms: list[Robot]) -> None:
 
 
 def _rounding_m(found: _Set, base: Part, arm: Robot) -> float:
-    """The most that rounding of joints and points explains."""
+    """The largest residual that rounding of joints and points explains."""
     variance = 0.0
     for name, header in base.meaning.joints.items():
         if name.startswith("q") and name[1:].isdigit():
@@ -150,7 +150,7 @@ def _rounding_m(found: _Set, base: Part, arm: Robot) -> float:
 
 
 def _step(part: Part, header: str, unit: str | None) -> float:
-    """The least step of the digits of a column, SI."""
+    """The step of a column's last digit, SI; 0 if it is not known."""
     cells = part.sheet.cells(header)
     if any("e" in cell.lower() for cell in cells):
         return 0.0
@@ -160,7 +160,7 @@ def _step(part: Part, header: str, unit: str | None) -> float:
 
 
 def _by_numbers(sets: list[_Set]) -> dict[_Set, str]:
-    """The sets that follow nominal kinematics to rounding where another one does not."""
+    """The sets that follow nominal kinematics to rounding while another one does not, each with the reason in words."""
     gone: dict[_Set, str] = {}
     for found in sets:
         farther = [
@@ -179,7 +179,7 @@ def _by_numbers(sets: list[_Set]) -> dict[_Set, str]:
 
 
 def _by_name(sets: list[_Set]) -> dict[_Set, str]:
-    """The sets that a controller names so, where another one is named otherwise."""
+    """The sets named as the controller's own pose, unless all are, each with the reason in words."""
     own = [found for found in sets if found.own_by_name()]
     by_instrument = any(_INSTRUMENT.search(found.name) for found in sets)
     if by_instrument:
@@ -194,7 +194,7 @@ def _by_name(sets: list[_Set]) -> dict[_Set, str]:
 
 
 def _beside_measured(sets: list[_Set]) -> dict[_Set, str]:
-    """Sets that stand beside others named as measured."""
+    """Sets in a file that has others named as measured, each with the reason in words."""
     gone: dict[_Set, str] = {}
     for found in sets:
         beside = [
@@ -206,7 +206,7 @@ def _beside_measured(sets: list[_Set]) -> dict[_Set, str]:
 
 
 def _choose_rotation(part: Part, gone: dict[_Set, str]) -> None:
-    """Take the orientations of a set of points that stays; those of one that is left out go with it."""
+    """Take the orientations of a set of points that is kept; those of a set that is left out are dropped."""
     meaning = part.meaning
     of_gone = {found.name for found in gone if found.part is part}
     taken: list[tuple[bool, list[str]]] = []
@@ -227,7 +227,7 @@ def _choose_rotation(part: Part, gone: dict[_Set, str]) -> None:
 
 
 def _owner(part: Part, whose: str, headers: list[str]) -> str | None:
-    """The set of points that orientations belong to: of the same name, else the one whose columns stand before."""
+    """The set of points of these orientations: of the same name; if they have none, the set in the columns before."""
     points = part.meaning.points
     own = next((name for name in points if name.lower() == whose.lower()), None)
     if own is not None or whose:
@@ -239,7 +239,7 @@ def _owner(part: Part, whose: str, headers: list[str]) -> str | None:
 
 
 def _say_what_may_be(sets: list[_Set], any_gone: bool) -> None:
-    """Note where points that are taken may be a controller's own after all."""
+    """Note which of the points that are kept may be the controller's own pose."""
     for found in sets:
         if not any_gone and found.left_m <= found.data_sheet_m:
             found.part.notes.append(
@@ -262,7 +262,7 @@ def _say_what_may_be(sets: list[_Set], any_gone: bool) -> None:
 
 
 def _refuse_two_frames(sets: list[_Set], arms: list[Robot]) -> None:
-    """Refuse points that follow the arm each for themselves and do not keep their distance from one another."""
+    """Refuse two sets of points that both follow the arm although the distance between them varies."""
     for one, other in itertools.combinations(sets, 2):
         rows, of_one, of_other = np.intersect1d(one.joints, other.joints, return_indices=True)
         follow = arms and max(one.left_m, other.left_m) < NOMINAL_ERROR_PER_REACH * arms[0].reach_m

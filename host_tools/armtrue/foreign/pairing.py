@@ -13,21 +13,21 @@ from armtrue.foreign.parts import Part
 
 Rows = NDArray[np.int64]
 
-# Clocks of two files tell which rows belong together where so many rows of the shorter one find theirs …
+# Clocks match the rows of two files if this share of the shorter file's rows find a partner …
 _LEAST_SHARE = 0.9
-# … and with no other setting of the second clock more than so many of these do.
+# … and no other offset of the second clock gives more than this share of those pairs.
 _MOST_OF_OTHER = 0.8
-# How near two times must be, as a part of the typical time from row to row: the least that does is taken.
+# Largest difference of paired times as a share of the typical time from row to row: the least that suffices is used.
 _NEAR = tuple(2.0**-k for k in range(8, 1, -1))
-# Whole seconds are what most clocks write.
+# Most clocks write whole seconds.
 _CLOCK_STEP_S = 1.0
-# A file with so many times more rows is a record of the whole motion, in which the clocks must agree.
+# A file with this many times more rows is a record of the whole motion; the clocks must then agree without an offset.
 _RECORD = 10
 _MOST_DIFFERENCES = 20_000_000
 
 
 def match_rows(joints: Part, points: Part) -> tuple[Rows, Rows, str]:
-    """Which rows of the two files belong together, and by what. Errors: InputError where nothing tells."""
+    """The matching rows of the two files, and how they were matched. Errors: InputError if they cannot be."""
     one, other = joints.meaning.key, points.meaning.key
     if one is not None and other is not None:
         own, foreign = joints.sheet.cells(one), points.sheet.cells(other)
@@ -55,7 +55,7 @@ def match_rows(joints: Part, points: Part) -> tuple[Rows, Rows, str]:
 
 
 def _said(joints: Part, points: Part, found: Pairs) -> str:
-    """By what the rows were paired, and which found no partner."""
+    """How the rows were paired, and which have no partner, in words."""
     same = found.left.size == len(joints.sheet.rows) == len(points.sheet.rows)
     in_order = same and bool(np.array_equal(found.left, found.right))
     words = f"by their clocks {joints.meaning.others['time']} and {points.meaning.others['time']}"
@@ -82,7 +82,7 @@ def _seconds(value: float) -> str:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Places in the first and in the second file, by how much [s] the second clock is ahead, and the widest gap."""
+    """Paired rows of the two files, how far the second clock is ahead [s], and the largest difference of a pair [s]."""
 
     left: Rows
     right: Rows
@@ -91,9 +91,9 @@ class Pairs:
 
 
 def by_clocks(one: Array, other: Array, dated: bool) -> Pairs | str:
-    """Pair times `one` and `other` [s] of clocks that run alike and may be set differently; or why that cannot be.
+    """Pair times `one` and `other` [s] of clocks with the same rate and perhaps an offset, or return why that fails.
 
-    `dated`: both tell the time of day, so that equal times are no chance. Counts of seconds begin anywhere.
+    `dated`: both give the time of day, so that equal times are no chance. Counts of seconds have an arbitrary start.
     """
     gap = float(np.median(np.diff(np.sort(one)))) if one.size > 1 else 0.0
     if gap <= 0.0:
@@ -116,7 +116,7 @@ def _enough(found: Pairs, one: Array, other: Array) -> bool:
 
 
 def _set_apart(one: Array, other: Array, gap: float) -> Pairs | str:
-    """Pair times of clocks that are set differently, by what most differences of their times have in common."""
+    """Pair times of clocks with an offset: the most frequent difference of their times."""
     least = _LEAST_SHARE * min(len(one), len(other))
     differences = np.sort((other[:, None] - one[None, :]).ravel())
     for near in _NEAR:
@@ -138,9 +138,10 @@ def _set_apart(one: Array, other: Array, gap: float) -> Pairs | str:
 
 
 def _nearest(one: Array, other: Array, ahead: float, limit: float) -> Pairs:
-    """The pairs of times within `limit` of one another with the second clock set back by `ahead`.
+    """The pairs of times within `limit` of one another, with the second clock set back by `ahead`.
 
-    Several readings of a pose have one row of joints; of a record of the whole motion the nearest reading is taken.
+    Several readings of a pose may share one row of joints. If the readings are a record of the whole motion, only the
+    nearest one to each row of joints is taken.
     """
     order = np.argsort(one, kind="stable")
     ranked = one[order]

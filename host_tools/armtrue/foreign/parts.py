@@ -16,12 +16,12 @@ from armtrue.io.columns import UNITS
 # Columns whose cells may be words.
 _TEXTS = ("time", "target", "repeat", "station", "nest")
 
-# Absolute zero in Fahrenheit, and hotter than any thermometer on an arm, in kelvin too.
+# Absolute zero in Fahrenheit, and a figure above any temperature on an arm, even in kelvin.
 _COLDEST, _HOTTEST = -459.68, 990.0
 
 
 def in_si(values: Array, unit: str | None) -> Array:
-    """`values` in SI units; without a unit they are in them."""
+    """`values` in SI units; without a unit they already are."""
     _, factor, added = UNITS[unit] if unit else ("", 1.0, 0.0)
     return values * factor + added
 
@@ -33,7 +33,7 @@ def point_axis(name: str, axis: str) -> str:
 
 @dataclass
 class Part:
-    """One file with its meaning. `units`: contract name → unit as stated or guessed; `notes`: from what.
+    """One file with its meaning. `units`: contract name → unit as stated or guessed; `notes`: the reasons.
 
     `clock`: how the column of time is read, where there is one. `skipped`: the file's lines of rows left out.
     """
@@ -75,7 +75,7 @@ class Part:
                 )
 
     def leave_out_dead_sensors(self) -> None:
-        """Leave out temperatures that are marks for a missing value in most rows."""
+        """Leave out temperature columns that hold a mark for a missing value in most rows."""
         for name, header in list(self.meaning.others.items()):
             cells = self.sheet.cells(header)
             marks = [cell for cell in cells if name.startswith("temp_") and self._is_mark(cell)]
@@ -92,7 +92,7 @@ class Part:
         return not _COLDEST < to_float(cell, self.sheet.decimal) < _HOTTEST
 
     def numbers(self, header: str) -> Array:
-        """One column as numbers. Errors: RowError naming the first cell that is none, or a mark for a missing one."""
+        """One column as numbers. Errors: RowError naming the first cell with no number, or a mark for a missing one."""
         sheet = self.sheet
         cells = sheet.cells(header)
         thermometer = any(own.startswith("temp_") for own, of in self.meaning.others.items() if of == header)

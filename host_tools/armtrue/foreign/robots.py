@@ -1,4 +1,4 @@
-"""robot.yaml from what people have of an arm: a URDF, or a table of Denavit-Hartenberg rows."""
+"""robot.yaml from a URDF, or from a table of Denavit-Hartenberg rows."""
 
 from __future__ import annotations
 
@@ -35,8 +35,10 @@ _LONGEST_M = 10.0
 
 @dataclass(frozen=True)
 class UrdfArm:
-    """The chain chosen in a URDF: `kinematics` of robot.yaml, its joints' names, `prismatic` ones by number, and in
-    words from what base and tip were guessed. `motors`: numbers of the joints that mimic no other.
+    """The chain chosen in a URDF, as `kinematics` of robot.yaml, with the names of its joints.
+
+    `prismatic`: numbers of the prismatic joints. `words`: base and tip, for the user. `motors`: numbers of the joints
+    that mimic no other.
     """
 
     kinematics: dict[str, Any]
@@ -47,7 +49,7 @@ class UrdfArm:
 
 
 def urdf_arm(urdf: Path, out: Path, joint_counts: list[int]) -> UrdfArm:
-    """Return the chain of `urdf` with the first of `joint_counts` that there is; with none given, the longest."""
+    """Return the chain of `urdf` with the first of `joint_counts` that a chain has; without counts, the longest."""
     robot = parse_urdf(urdf)
     parents = {joint.child: joint for joint in robot.joints}
     links = [link.name for link in robot.links]
@@ -61,7 +63,7 @@ def urdf_arm(urdf: Path, out: Path, joint_counts: list[int]) -> UrdfArm:
         chains[link] = chain[::-1]
 
     def moving(link: str) -> tuple[int, int]:
-        """Joints that mimic no other, and all of them: a file of measurements need know nothing of the others."""
+        """Number of joints that mimic no other, and of all: measurements may lack the joints that mimic another."""
         joints = [joint for joint in chains[link] if joint.type != "fixed"]
         return sum(joint.mimic is None for joint in joints), len(joints)
 

@@ -1,4 +1,4 @@
-"""Foreign files as tables of cells: separator, decimal mark, encoding, header and row of units are found."""
+"""Foreign files as tables of cells: separator, decimal mark, encoding, header and row of units are detected."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def is_number(cell: str, decimal: str) -> bool:
 
 
 def to_float(cell: str, decimal: str) -> float:
-    """The number in `cell`, which `is_number`."""
+    """The number in `cell`, for which `is_number` is true."""
     return float(cell.replace(",", ".") if decimal == "," else cell)
 
 
@@ -129,7 +129,7 @@ def _text(path: Path) -> tuple[str, str]:
 
 
 def _separator(lines: list[str]) -> str:
-    """The mark that cuts most lines into the most cells of which most are numbers."""
+    """The mark that gives the largest share of numbers, among those that cut most lines into equally many cells."""
     sample = lines[-200:]
 
     def score(mark: str) -> tuple[float, int]:
@@ -140,16 +140,16 @@ def _separator(lines: list[str]) -> str:
         cells = [cell.strip() for row in rows for cell in row if cell.strip()]
         numbers = sum(any(is_number(cell, decimal) for decimal in ".,") for cell in cells)
         numbers += sum(any(pattern.match(cell) for pattern in _THOUSANDS.values()) for cell in cells)
-        # Where commas are decimal marks too, a reading by commas cuts numbers in two: it is the last choice.
+        # If commas are decimal marks, splitting at commas cuts numbers in two: the comma is the last choice.
         return (numbers / max(1, len(cells)), -len(SEPARATORS) if mark == "," else 0)
 
     return max([*SEPARATORS, " "], key=score)
 
 
 def _without_thousands(cells: list[list[str]], separator: str) -> list[list[str]]:
-    """`cells` without marks between thousands, where it is sure that they are such: `1,234.5`, `1.234,5`.
+    """`cells` without marks between thousands, if they are unambiguous: `1,234.5`, `1.234,5`.
 
-    Between commas a comma within a cell can be nothing else.
+    In a file with comma as the separator, a comma within a cell can be nothing else.
     """
     flat = [cell for row in cells for cell in row]
     for mark, pattern in _THOUSANDS.items():
@@ -214,7 +214,7 @@ def _sheet(
 def _header(
     path: Path, above: list[list[str]], numbers: list[int], width: int
 ) -> tuple[list[str], dict[str, str], int, bool]:
-    """Names of the columns, their units, the file's line of the names, and whether they stand in that line alone.
+    """Names of the columns, their units, the file's line of the names, and whether that line holds all of these.
 
     `above`: the rows before the first row of numbers.
     """
@@ -247,7 +247,7 @@ def _repeated(header: list[str]) -> str | None:
 def _grouped(groups: list[str], header: list[str]) -> list[str]:
     """Header names that occur more than once get the group's title in front, as spreadsheets print it: `Ball 1 X`.
 
-    `groups`: the row above the header, whose titles stand over the first of their columns alone.
+    `groups`: the row above the header, where each title stands only above the first of its columns.
     """
     often = {name for name, count in Counter(header).items() if count > 1}
     found, group = [], ""

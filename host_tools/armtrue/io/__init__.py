@@ -1,4 +1,4 @@
-"""Readers of robot.yaml, model.yaml, measurements and dataset.yaml. Only `InputError` leaves them."""
+"""Readers of robot.yaml, model.yaml, measurements and dataset.yaml. They raise only `InputError`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The effects that the fitter knows, as it tells them itself."""
+"""The catalogue of effects, as the fitter lists it."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ class EffectInfo:
     """One effect of the catalogue.
 
     `joints`: "none", "each", "all" (together, or each on its own), "pair" (driven, driving), "fixed" (only its own).
-    `options`: name → kind of value and what it is, as `armtrue._core` writes them. `bound`: physical bound and its
+    `options`: name → kind of value and description, as `armtrue._core` writes them. `bound`: physical bound and its
     source, in words. `role`: "placement" (of base and tool), "geometry", "physical", "table", "measurement" or
-    "custom". `exported`: False where it belongs to the measurement. `needs_drive`: which of its joints must have a
+    "custom". `exported`: False if it belongs to the measurement. `needs_drive`: which of its joints must have a
     motor: "none", "each" or "driving" (of a pair).
     """
 

@@ -41,12 +41,12 @@ UNITS: dict[str, tuple[str, float, float]] = {
 }
 
 _PER_JOINT = re.compile(r"^(qr|q|dir|tau)([0-9]+)$")
-# Columns of the contract that one effect reads; where they hold no numbers, the file is read without them.
+# Columns of the contract that only one effect reads; if a column holds other than numbers, it is not used.
 _OF_ONE_EFFECT = re.compile(r"^(station|nest)$|^(travel|duty)([0-9]+)$")
 _PER_JOINT_OF_ONE_EFFECT = re.compile(r"^(travel|duty)([0-9]+)$")
 TRAVEL = re.compile(r"\btravel[0-9]+\b")
-# How far a joint came in its last direction is nothing that a device keeps, nor known of poses still to be driven:
-# most motions are long [rad, m].
+# Travel of a joint in its last direction where it is not known, on a device or in a planned pose: most motions are
+# long [rad, m].
 FAR_TRAVEL = 1e9
 _KIND_OF = {"x": "length", "y": "length", "z": "length", "sigma": "length", "payload": "mass", "time": "time"}
 
@@ -116,16 +116,16 @@ class ColumnNames:
         return [f"q{k}" for k in self.robot.motors]
 
     def of_passive(self, name: str) -> bool:
-        """True for a column of a passive joint: there is no drive of which it could say something."""
+        """True for a column of a passive joint, which has no drive to report on."""
         match = _PER_JOINT.match(name) or _PER_JOINT_OF_ONE_EFFECT.match(name)
         return match is not None and int(match[2]) in self.robot.passive
 
     def required(self, need_position: bool) -> list[str]:
-        """The columns without which nothing can be done."""
+        """The columns that every file needs."""
         return [*self.commanded(), *(POSITION if need_position else ())]
 
     def all(self) -> list[str]:
-        """Every name, to guess from."""
+        """Every column name, for suggestions on misspelt ones."""
         per_joint = [f"{stem}{k}" for stem in ("q", "qr", "dir", "tau") for k in self.robot.motors]
         sensors = [f"temp_{sensor}" for sensor in self.robot.sensors]
         return [*per_joint, *POSITION, *QUATERNION, *sensors, *TEXT_COLUMNS, "payload", "time", "sigma"]

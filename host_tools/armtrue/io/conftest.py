@@ -1,4 +1,4 @@
-"""What the readers' tests write and read."""
+"""Robot files for the tests of the readers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ kinematics:
 temperature: {reference: 20.0, sensors: [arm]}
 """
 
-# Bars keep the flange level: its joint turns back what the two before it turn.
+# Bars keep the flange level: its joint turns by minus the sum of the two before it.
 LEVEL = """\
 name: level
 kinematics:

@@ -31,16 +31,16 @@ from armtrue.io.robot import Robot
 from armtrue.io.sensor_names import contract_name
 from armtrue.io.ways import directions, travels
 
-# A written quaternion is rounded; one further from unit length than this is something else.
+# Quaternions in files are rounded; numbers further from unit length than this are no quaternion.
 _QUATERNION_LENGTH_TOLERANCE = 1e-3
 # A reflector that moves less than this [m] in all while a joint moves more than that [rad, m] is fixed to the floor.
 _FIXED_SPAN_M = 5e-3
 _ARM_MOVED = 0.2
-# Of a mistyped name at least three letters in four are right.
+# A misspelt name has at least this share of its letters right.
 _ALIKE = 0.75
-# What a controller computes of a passive joint it rounds [rad, m].
+# Controllers round the angle that they compute for a passive joint [rad, m].
 _PASSIVE_FOLLOWS = 2e-3
-# More bad rows than this are a file that is read in the wrong way.
+# More bad rows than this mean that the file is read in the wrong way.
 _MOST_SKIPPED = 100
 
 
@@ -48,12 +48,12 @@ _MOST_SKIPPED = 100
 class Dataset:
     """Measurements in SI units under the contract's column names.
 
-    `path`: what was asked for, a CSV or a dataset.yaml; `file`: the file that the rows stand in.
-    `columns`: name → float64 array (N,); `target` and `repeat` hold codes, whose names stand in `labels`.
-    `rows`: the file row (header = 1 where it is the first line) of each entry. `notes`: what the reader did.
-    `skipped`: file row → why it could not be read, of the rows left out with `skip_bad`. `left_out`: file rows that a
-    person marked as wrong. `turns`: where the file has Euler angles, those (N, 3) [rad], which `rotation` says how
-    they were read. `passive`: what the file holds of `qK` of joints without a motor, of which `columns` has zeros.
+    `path`: the requested CSV or dataset.yaml; `file`: the file that holds the rows.
+    `columns`: name → float64 array (N,); `target` and `repeat` hold codes, whose names are in `labels`.
+    `rows`: the file row of each entry (the header is 1 if it is the first line). `notes`: what the reader did.
+    `skipped`: file row → error, for the unreadable rows left out with `skip_bad`. `left_out`: file rows that a user
+    marked as wrong. `turns`: the file's Euler angles (N, 3) [rad], if it has any; `rotation`: how they were read.
+    `passive`: the file's columns `qK` of joints without a motor, for which `columns` has zeros.
     """
 
     path: Path
@@ -85,7 +85,7 @@ class Dataset:
 
     @property
     def lost(self) -> NDArray[np.bool_]:
-        """Which rows hold no position: x, y and z are 0, as instruments write that have lost their reflector."""
+        """Mask (N,) of rows without a position: x, y and z are 0, as instruments write after losing the reflector."""
         if not self.has_positions:
             return np.zeros(self.count, dtype=np.bool_)
         return np.asarray((self.positions_m == 0.0).all(axis=1))
@@ -96,7 +96,7 @@ class Dataset:
         return all(name in self.columns for name in POSITION)
 
     def reflectors_among(self, names: list[str], whose: str) -> NDArray[np.intp]:
-        """The place of each entry's reflector among `names`, (N,). Errors: InputError for one that is not there."""
+        """Index in `names` of each entry's reflector, (N,). Errors: InputError for a reflector not in `names`."""
         labels = self.labels.get("target", [])
         if unknown := [label for label in labels if label not in names]:
             raise InputError(
@@ -106,7 +106,7 @@ class Dataset:
         return places[self.columns["target"].astype(np.intp)]
 
     def take(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Dataset:
-        """Return the entries that a mask (N,) or indices choose, in that order: to hold some out, say."""
+        """Return the entries selected by a mask (N,) or by indices, in that order."""
         columns = {name: values[which] for name, values in self.columns.items()}
         turns = None if self.turns is None else self.turns[which]
         passive = {name: values[which] for name, values in self.passive.items()}
@@ -134,10 +134,10 @@ def load_data(
 ) -> Dataset:
     """Read measurements of `robot` from a CSV or a dataset.yaml (docs/files.md).
 
-    `need_position`: False for poses to predict: nothing measured is read of them, and they come in file order.
-    `strict`: refuse what must be a mistake of units, and positions that are 0, and leave out copies of rows and
-    reflectors that do not ride on the arm; `check` passes False and reports all four as findings instead. `skip_bad`:
-    leave out up to 100 rows that cannot be read.
+    `need_position`: False for poses to predict: measured columns are not read, and rows come in file order.
+    `strict`: refuse wrong units and positions of 0, and leave out copies of rows and reflectors that are not mounted
+    on the arm; `check` passes False and reports all four as findings instead. `skip_bad`: leave out up to 100 rows
+    that cannot be read.
 
     Errors: InputError naming file, row and column or key, what was found and what was expected.
     """
@@ -165,12 +165,12 @@ def load_data(
                 raise InputError(f"{error}; expected no more than {_MOST_SKIPPED} such rows") from None
     data = _with_passive_still(data, robot)
     if need_position:
-        # In poses to predict a direction of 0 is one that is left open.
+        # In poses to predict, a direction of 0 is an unspecified one.
         data = _without_unrecorded(data)
     if not strict:
         return data
     refuse_wrong_units(data.file, data.columns, data.rows, robot)
-    # Directions that were taken from the order cannot confirm that the arm went from row to row.
+    # Directions derived from the order of rows cannot confirm that the arm moved from row to row.
     order_tells = "dir" not in layout.from_order or "travel" in layout.from_order
     if not need_position:
         return in_file_order(with_travels(data) if order_tells else data)
@@ -179,10 +179,10 @@ def load_data(
 
 
 def _with_passive_still(data: Dataset, robot: Robot) -> Dataset:
-    """`data` at the drives, passive joints at zero: they have no motor, and their link angles follow.
+    """`data` with the drives' angles and passive joints at zero: these have no motor; couplings turn their links.
 
-    Controllers write 0 for such a joint, or what its link does: nothing in the world, or what the couplings give. All
-    of these say the same, and none is used. Errors: InputError for a column that says anything else.
+    For such a joint controllers write a constant, or the angle that the couplings give. Neither adds information, and
+    neither is used. Errors: InputError for a column with any other values.
     """
     if not robot.passive:
         return _at_the_drives(data, robot)
@@ -210,7 +210,7 @@ def _with_passive_still(data: Dataset, robot: Robot) -> Dataset:
 
 
 def _at_the_drives(data: Dataset, robot: Robot) -> Dataset:
-    """`data` with the drives' angles, in which all physics is, where the controller reports coupled ones."""
+    """`data` with coupled angles, as the controller reports them, converted to the drives' angles of the model."""
     matrix = robot.drives_from_reported
     if np.array_equal(matrix, np.eye(robot.joint_count)):
         return data
@@ -222,9 +222,9 @@ def _at_the_drives(data: Dataset, robot: Robot) -> Dataset:
 
 
 def with_joints_mapped(columns: Mapping[str, Array], matrix: Array) -> dict[str, Array]:
-    """`columns` with `matrix` (n, n) times the angles of each row, of the commanded and of the read-back joints.
+    """`columns` with the commanded and the read-back joint angles of each row multiplied by `matrix` (n, n).
 
-    Joints that `matrix` leaves alone need no columns: passive ones have none.
+    Joints that `matrix` does not change need no columns: passive ones have none.
     """
     mapped = dict(columns)
     apart = matrix != np.eye(len(matrix))
@@ -244,7 +244,7 @@ def in_file_order(data: Dataset) -> Dataset:
 
 
 def fixed_targets(data: Dataset) -> list[int]:
-    """Codes of the reflectors that stay where they are while the arm moves: those fixed to base or floor."""
+    """Codes of the reflectors that do not move with the arm: those fixed to base or floor."""
     if "target" not in data.columns or not data.has_positions:
         return []
     codes = data.columns["target"].astype(np.int64)
@@ -261,8 +261,8 @@ def fixed_targets(data: Dataset) -> list[int]:
 def without_copies(data: Dataset) -> Dataset:
     """`data` without rows that equal an earlier one in all columns, and a note that says so.
 
-    A file that was appended twice is no second measurement: taken for one, it shows noise of zero. Readings of one
-    pose differ in time or in what was measured.
+    Rows of a file that was appended twice are no repeats: taken for repeats, they would show zero noise. Real repeats
+    of a pose differ in time or in the measured values.
     """
     table = np.column_stack([data.columns[name] for name in sorted(data.columns)])
     first: dict[bytes, int] = {}
@@ -278,7 +278,7 @@ def without_copies(data: Dataset) -> Dataset:
 
 
 def with_travels(data: Dataset) -> Dataset:
-    """`data` with the columns `travel1…traveln` that the order of its rows tells, and a note that says so."""
+    """`data` with the columns `travel1…traveln` derived from the order of its rows, and a note that says so."""
     found = travels(data.columns)
     if not found:
         return data
@@ -318,14 +318,14 @@ def _without_unrecorded(data: Dataset) -> Dataset:
 
 
 def without_fixed_targets(data: Dataset) -> Dataset:
-    """`data` without the rows of reflectors that do not ride on the arm, and a note that says so."""
+    """`data` without the rows of reflectors that are not mounted on the arm, and a note that says so."""
     fixed = fixed_targets(data)
     if not fixed:
         return data
     codes = data.columns["target"].astype(np.int64)
     keep = ~np.isin(codes, fixed)
     kept = data.take(keep)
-    # Codes count on without gaps, as the fitter gives each a tool of its own.
+    # Codes are renumbered without gaps, as the fitter estimates a tool for each code.
     left, recoded = np.unique(codes[keep], return_inverse=True)
     columns = {**kept.columns, "target": recoded.astype(np.float64)}
     names = data.labels["target"]
@@ -354,7 +354,7 @@ def _require_columns(layout: Layout, path: Path, robot: Robot, need_position: bo
 
 
 def _variables_of_others(layout: Layout, names: ColumnNames) -> dict[str, str]:
-    """Columns that are not the contract's and whose names an expression can have: name → header."""
+    """Columns outside the contract whose names are valid in an expression: name → header."""
     reserved = {*state_names(names.robot), *layout.names(), *names.all(), *EXPRESSION_WORDS}
     result: dict[str, str] = {}
     for header in layout.unused:
@@ -365,7 +365,7 @@ def _variables_of_others(layout: Layout, names: ColumnNames) -> dict[str, str]:
 
 
 def _numbers(texts: list[str]) -> NDArray[np.float64] | None:
-    """Texts as finite numbers, or None where one is none."""
+    """Texts as finite numbers, or None if one of them is not a finite number."""
     try:
         values = np.array([float(text) for text in texts])
     except ValueError:
@@ -441,7 +441,7 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
 
 
 def _why_apart(header: str, taken: bool, raw: RawColumns, names: ColumnNames, layout: Layout) -> str:
-    """What is said of a column that is not among the measurements."""
+    """The words of the note on a column that is not one of the contract's."""
     if names.of_one_effect(header):
         return (
             f"holds more than numbers, expected them in all rows, and is not used: {_no_number(header, raw)}"
@@ -453,7 +453,7 @@ def _why_apart(header: str, taken: bool, raw: RawColumns, names: ColumnNames, la
 
 
 def _is_near(header: str, name: str) -> bool:
-    """True where `header` may be `name` mistyped: short names share half of their letters with almost any word."""
+    """True if `header` may be a misspelt `name`; strict, as short names share half their letters with many words."""
     return SequenceMatcher(None, header.lower(), name.lower()).ratio() >= _ALIKE
 
 
@@ -472,7 +472,7 @@ def _why_unused(header: str, raw: RawColumns, names: ColumnNames) -> str:
 
 
 def _no_number(header: str, raw: RawColumns) -> str:
-    """The first row that holds no number in the column `header`, and what it holds; empty where all do."""
+    """The first row of column `header` without a number and its content, in words; empty if all hold numbers."""
     for text, row in zip(raw.texts.get(header, []), raw.rows, strict=False):
         if _numbers([text]) is None:
             return f"row {row} holds {shorten(text) if text else 'nothing'}"
@@ -495,7 +495,7 @@ def _filtered(raw: RawColumns, layout: Layout) -> RawColumns:
 
 
 def _named(name: str, header: str, raw: RawColumns, layout: Layout) -> list[str]:
-    """What the cells of a text column say; nothing where all are empty. A pose without `repeat` is one of its own."""
+    """The texts of a text column, none if all cells are empty. A row without `repeat` gets a name of its own."""
     texts = raw.texts[header]
     if all(texts) or not any(texts):
         return texts if any(texts) else []
@@ -533,7 +533,7 @@ def _times(source: TimeSource, raw: RawColumns, layout: Layout, notes: list[str]
 
 
 def _timestamp(text: str, pattern: str, place: str, row: int | None) -> datetime.datetime:
-    """The time that `text` says; `row` is that of the file, None where it stands elsewhere."""
+    """The time written in `text`; `row`: its row of the file, None if it is not from the file."""
     try:
         return read_stamp(text, pattern)
     except (ValueError, OverflowError):

@@ -1,4 +1,4 @@
-"""Delimited text, streamed into float64 columns; a cell that is wrong is named by row and column."""
+"""Delimited text, streamed into float64 columns; errors name the row and column of the wrong cell."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from armtrue.arrays import Array
 from armtrue.errors import InputError, RowError, did_you_mean, shorten
 from armtrue.io.files import reading
 
-# Rows held as text at a time: bounds the memory, as text takes some ten times the room of its numbers.
+# Rows held as text at a time; limits the memory, as text takes about ten times as much as its numbers.
 _ROWS_AT_A_TIME = 4096
 _LARGEST_CELL_CHARACTERS = 200
 _LONGEST_LINE = 1_000_000
@@ -33,7 +33,7 @@ class Dialect:
 
 @dataclass(frozen=True)
 class RawColumns:
-    """What `read_columns` gives: numbers and texts by header, and the file row of each entry."""
+    """Result of `read_columns`: numbers and texts by header, and the file row of each entry."""
 
     numbers: dict[str, Array]
     texts: dict[str, list[str]]
@@ -57,11 +57,11 @@ def read_columns(
     without: Container[int] = (),
     may_be_empty: Container[str] = (),
 ) -> RawColumns:
-    """Read the columns `numbers` as finite float64 and `texts` as stripped text; other columns are not looked at.
+    """Read the columns `numbers` as finite float64 and `texts` as stripped text; other columns are ignored.
 
-    `without`: file rows that are not read. `may_be_empty`: those of `numbers` that are left out of the result where
-    none of their cells holds anything. Errors: RowError naming row and column of the first wrong cell, or a ragged
-    row; InputError for a name not in the header.
+    `without`: file rows that are not read. `may_be_empty`: those of `numbers` that are left out of the result if all
+    their cells are empty. Errors: RowError naming row and column of the first wrong cell, or a ragged row; InputError
+    for a name not in the header.
     """
     with _Rows(path, dialect, without) as rows:
         index = {name: rows.index(name) for name in [*numbers, *texts]}
@@ -80,7 +80,7 @@ def read_columns(
                         continue
                     empty.remove(name)
                     if row_numbers:
-                        # The blocks before this one held nothing: it is their first cell that is wrong.
+                        # The column was empty in all earlier blocks: its first cell is the wrong one.
                         cells, places = ("", *cells), [row_numbers[0], *at]
                 number_parts[name].append(_to_floats(cells, places, name, path, dialect))
             for name in texts:
@@ -109,7 +109,7 @@ class _Rows:
         self._without = without
         if path.is_dir():
             raise InputError(f"{path}: found a folder, expected a file of measurements")
-        # utf-8-sig drops the mark that spreadsheets put first.
+        # utf-8-sig drops the byte order mark that spreadsheets write first.
         encoding = "utf-8-sig" if dialect.encoding.lower() in ("utf-8", "utf8") else dialect.encoding
         try:
             with reading(path):
@@ -164,7 +164,7 @@ class _Rows:
         return header
 
     def _lines(self) -> Iterator[str]:
-        """Lines of a length that a table may have: a file without line breaks is not taken into memory."""
+        """Lines, limited in length so that a file without line breaks is not read into memory whole."""
         while line := self._stream.readline(_LONGEST_LINE + 1):
             if len(line) > _LONGEST_LINE:
                 raise InputError(
@@ -173,7 +173,7 @@ class _Rows:
             yield line
 
     def _cells(self) -> Iterator[list[str]]:
-        """Rows as lists of cells; what the reader refuses becomes an InputError with the row."""
+        """Rows as lists of cells; errors of the CSV reader become InputErrors that name the row."""
         while True:
             try:
                 yield next(self._reader)
@@ -184,7 +184,7 @@ class _Rows:
                     f"{self._path} row {self._reader.line_num}: found no readable row ({error})"
                 ) from None
             except UnicodeDecodeError as error:
-                # A block of text is decoded when all lines before it were read.
+                # Text is decoded in blocks, each after all lines before it were read.
                 row = self._reader.line_num + 1 + error.object.count(b"\n", 0, error.start)
                 raise InputError(
                     f"{self._path} row {row}: found byte 0x{error.object[error.start]:02x}, "
@@ -224,7 +224,7 @@ def _to_floats(cells: tuple[str, ...], at: list[int], name: str, path: Path, dia
             return values
     except ValueError:
         pass
-    # The fast way failed: find the cell to name.
+    # The fast conversion failed: find the cell to report.
     for cell, row in zip(cells, at, strict=True):
         if not is_number(cell, dialect.decimal):
             found = shorten(cell.strip()) if cell.strip() else "nothing"

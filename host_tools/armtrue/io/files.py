@@ -1,4 +1,4 @@
-"""Reading and writing whole files: one clear sentence when it cannot be done, never half a file."""
+"""Reading and writing whole files: every failure is an InputError of one sentence, and no file is half written."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LARGEST_TEXT_BYTES = 64 * 1024 * 1024
 
 
 def read_bytes(path: Path, largest_bytes: int = LARGEST_TEXT_BYTES) -> bytes:
-    """Return what stands in `path`, of which never more than `largest_bytes` is held.
+    """Return the content of `path`, which may have at most `largest_bytes`.
 
     Errors: InputError when it is missing, a folder, larger or unreadable.
     """
@@ -29,7 +29,7 @@ def read_bytes(path: Path, largest_bytes: int = LARGEST_TEXT_BYTES) -> bytes:
         if size > largest_bytes:
             raise InputError(f"{path}: found {size} bytes, expected at most {largest_bytes}")
         with path.open("rb") as stream:
-            # A device or a pipe tells no size: it is cut off one byte beyond what is allowed.
+            # A device or a pipe reports no size: reading stops one byte beyond the limit.
             content = stream.read(largest_bytes + 1)
         if len(content) > largest_bytes:
             raise InputError(f"{path}: found no end, expected at most {largest_bytes} bytes")
@@ -38,7 +38,7 @@ def read_bytes(path: Path, largest_bytes: int = LARGEST_TEXT_BYTES) -> bytes:
 
 @contextlib.contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Raise InputError in place of what keeps `path` from being opened and read."""
+    """Turn errors of opening and reading `path` into InputError."""
     try:
         yield
     except FileNotFoundError:
@@ -50,9 +50,9 @@ def reading(path: Path) -> Iterator[None]:
 
 
 def named_in(path: Path, name: str) -> Path:
-    """The file that the one at `path` names: beside it; ~ and $NAME as a shell reads them."""
+    """The file `name` given in the file at `path`: relative to its folder, with ~ and $NAME expanded as by a shell."""
     named = Path(os.path.expandvars(name))
-    # Of a user whom this machine does not know it is a name as any other.
+    # `~user` of a user unknown to this machine is kept as an ordinary name.
     with contextlib.suppress(RuntimeError):
         named = named.expanduser()
     return path.parent / named
@@ -90,7 +90,7 @@ def read_json(path: Path, largest_bytes: int, expected: str) -> Any:
 
 
 def check_writable(path: Path) -> None:
-    """Raise InputError where `path` cannot be written, so that a long computation need not end in that news."""
+    """Raise InputError if `path` cannot be written, for use before a long computation."""
     try:
         place = Path(os.path.realpath(path))
         if place.is_dir():
@@ -107,12 +107,12 @@ def check_writable(path: Path) -> None:
 
 
 def _is_special(path: Path) -> bool:
-    """True for a device, pipe or socket: what is written through, never replaced."""
+    """True for a device, pipe or socket, which is written to and never replaced."""
     return path.exists() and not path.is_file()
 
 
 def refuse_to_lose(reads: Iterable[Path | None], writes: Iterable[Path | str | None]) -> None:
-    """Raise InputError where one of the files that a command `writes` is one that it `reads`, or is named twice."""
+    """Raise InputError if a command `writes` a file that it also `reads`, or writes one file twice."""
     inputs = {_identity(path) for path in reads if path is not None}
     outputs: set[str] = set()
     for name in writes:
@@ -131,7 +131,7 @@ def refuse_to_lose(reads: Iterable[Path | None], writes: Iterable[Path | str | N
 
 
 def _identity(path: Path) -> str:
-    """What names a file by whatever path: its place on the disk where it exists, so that hard links are one file."""
+    """A name of the file for any path to it: device and inode if it exists, so that hard links count as one file."""
     try:
         found = path.stat()
         return f"{found.st_dev}:{found.st_ino}"
@@ -151,7 +151,7 @@ def csv_text(names: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
 def write_file(path: Path, content: str | bytes) -> None:
     """Write `content` beside `path`, then rename it onto `path`: a killed run leaves the old file whole.
 
-    A link is followed, and a device or pipe is written through: what it names is never replaced by a file.
+    A link is followed; a device or pipe is written to and never replaced by a file.
 
     Errors: InputError when the folder is missing or may not be written.
     """

@@ -1,4 +1,4 @@
-"""How a file of measurements is laid out: the contract's CSV, or what a dataset.yaml says (docs/files.md)."""
+"""Layout of a file of measurements: the contract's CSV, or as a dataset.yaml describes it (docs/files.md)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from armtrue.io.yamlfile import Section, load_yaml
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "pipe": "|"}
 ROTATION_FORMS = {"quaternion": 4, "euler": 3, "rotation_vector": 3, "matrix": 9}
 TURNS = [a + b + c for a in "xyz" for b in "xyz" for c in "xyz" if a != b != c]
-# Programs write 100 ns, strptime reads no less than a microsecond.
+# Some programs write units of 100 ns; strptime reads no more than microseconds.
 _BEYOND_MICROSECONDS = re.compile(r"(:\d\d[.,]\d{6})\d+")
 
 
@@ -45,10 +45,10 @@ class TimeSource:
 
 
 def read_stamp(text: str, pattern: str) -> datetime.datetime:
-    """The moment that `text` says in a strptime `pattern`, in UTC where it names its zone.
+    """The time that `text` gives in a strptime `pattern`; in UTC if it has a time zone.
 
-    Where the pattern has a fraction of the second, a whole second may come without: programs leave `.000` out. Errors:
-    ValueError where `text` is not in that pattern.
+    If the pattern has a fraction of a second, the text may lack it, as programs leave `.000` out. Errors: ValueError if
+    `text` does not match the pattern.
     """
     if "%f" in pattern:
         text = _BEYOND_MICROSECONDS.sub(r"\1", text)
@@ -64,7 +64,7 @@ def read_stamp(text: str, pattern: str) -> datetime.datetime:
 
 @dataclass(frozen=True)
 class RotationSource:
-    """Columns that hold measuring_from_tool's rotation, and how: a form of `ROTATION_FORMS` and its conventions."""
+    """Columns of the rotation of measuring_from_tool, with their form (`ROTATION_FORMS`) and its conventions."""
 
     headers: list[str]
     form: str
@@ -76,7 +76,7 @@ class RotationSource:
 
 @dataclass(frozen=True)
 class RowFilter:
-    """Which file rows count: `first` to `last`, without `skip`, and only where the texts of `where` stand."""
+    """File rows to read: `first` to `last`, without `skip`, and only those with the texts `where` (header → text)."""
 
     first: int = 0
     last: int = 2**62
@@ -103,7 +103,7 @@ class Layout:
     unused: list[str] = field(default_factory=list)
 
     def without_measurements(self) -> Layout:
-        """This layout without what the instrument measured: whatever stands in those columns does not matter."""
+        """This layout without the columns that the instrument measured: their content is not read."""
         measured = (*POSITION, *QUATERNION, "sigma", "repeat")
         return replace(
             self,
@@ -121,7 +121,7 @@ class Layout:
 
 
 def foreign_hint(path: Path, robot: Robot) -> str:
-    """The command, to paste, that writes a dataset.yaml for a file in another form than the contract's."""
+    """The shell command that writes a dataset.yaml for a file that is not in the contract's form."""
     arm = shlex.quote(str(robot.path or "robot.yaml"))
     folder = shlex.quote(str(path.with_suffix("")))
     command = f"armtrue init {shlex.quote(str(path))} --robot {arm} --out {folder}"
@@ -133,7 +133,7 @@ def _refuse_foreign_bytes(path: Path, robot: Robot) -> None:
         with path.open("rb") as stream:
             begins = stream.read(4)
     except (OSError, ValueError):
-        return  # the reader of text says what is wrong
+        return  # `read_header` reports the error
     if begins in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
         raise InputError(f"{path}: found a spreadsheet, expected a CSV{foreign_hint(path, robot)}")
     if b"\0" in begins:
@@ -207,7 +207,7 @@ def yaml_layout(path: Path, robot: Robot) -> Layout:
 
 
 def _variables(top: Section, names: ColumnNames) -> dict[str, NumberSource]:
-    """The key `variables`: names of one's own, for expressions, and the headers of their columns."""
+    """The key `variables`: the user's own names for expressions, and the headers of their columns."""
     if not top.has("variables"):
         return {}
     section = top.section("variables")

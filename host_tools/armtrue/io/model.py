@@ -1,4 +1,4 @@
-"""model.yaml: which effects the owner believes in, what is known of their parameters, and the instrument."""
+"""model.yaml: the effects of the model, prior knowledge of their parameters, and the instrument."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from armtrue.io.columns import ColumnNames
 from armtrue.io.robot import LARGEST_LEAD_M, Robot
 from armtrue.io.yamlfile import Section, load_yaml
 
-# More waves a turn are beyond what any encoder resolves.
+# Highest order in waves per turn; no encoder resolves more.
 _HIGHEST_ORDER = 10_000.0
-# Weak enough to leave what the data can tell alone, strong enough to hold what they cannot (docs/files.md).
+# Weak enough not to bias parameters that the data determine, strong enough to hold the others (docs/files.md).
 DEFAULT_PRIORS = {"angle_deg": 0.3, "length_mm": 2.0}
 
 # Functions and constants of expressions (docs/model.md).
@@ -48,8 +48,8 @@ class Model:
 def load_model(path: str | Path, robot: Robot, columns: Collection[str] = ()) -> Model:
     """Read and check the model file at `path` for `robot`.
 
-    `columns`: those of the measurements (`data.columns`), whose own ones a custom effect may read. Errors: InputError
-    naming file and key path, what was found and what was expected.
+    `columns`: those of the measurements (`data.columns`); a custom effect may read those outside the contract. Errors:
+    InputError naming file and key path, what was found and what was expected.
     """
     path = Path(path)
     top = load_yaml(path)
@@ -95,7 +95,7 @@ def check_effect(
 def refusal_words(
     message: str, effects: Sequence[dict[str, Any]], parameters: Collection[str], rows: NDArray[np.int64]
 ) -> str:
-    """What the numerical library refuses of a model, with the key of model.yaml in place of its own words.
+    """The numerical library's refusal of a model, in words that name the key of model.yaml.
 
     `message`: "effect …" or "model: …". `effects`: those of the model; `parameters`: the names that these have;
     `rows`: the file row of each measurement.
@@ -208,10 +208,10 @@ def _custom(section: Section, robot: Robot, columns: Collection[str]) -> dict[st
 
 
 def _hint(unknown: str, known: list[str], robot: Robot, columns: Collection[str]) -> str:
-    """What a name that stands for nothing may have been meant for."""
+    """A suggestion for a name in an expression that is not known."""
     if not columns:
         return f", nor known for a column, as no measurements are read here ('armtrue plan' takes --levels {unknown}=…)"
-    # Regressors are hundreds of names that nobody types.
+    # Regressors have hundreds of names, which users do not type.
     typed = [name for name in known if not name.startswith(("u", "tilt"))]
     return did_you_mean(unknown, [*typed, *own_columns(robot, columns)])
 
@@ -238,7 +238,7 @@ def state_names(robot: Robot, sensors: Sequence[str] = ()) -> list[str]:
 
 
 def own_columns(robot: Robot, columns: Iterable[str]) -> list[str]:
-    """Those of `columns` that are none of the contract's: variables under their own names."""
+    """Those of `columns` outside the contract, which are variables under their own names."""
     names = ColumnNames(robot)
     return [name for name in columns if names.kind(name) is None]
 
@@ -250,7 +250,7 @@ def variables_of(robot: Robot, columns: Collection[str]) -> list[str]:
 
 
 def _is_repeat(effect: dict[str, Any], other: dict[str, Any]) -> bool:
-    """True where the two say the same of the same joints; other overlaps the fitter itself judges."""
+    """True if the two entries are equal and share joints; the fitter itself checks other overlaps."""
     if {**effect, "joints": []} != {**other, "joints": []}:
         return False
     if "joints" not in effect or "joints" not in other:

@@ -1,4 +1,4 @@
-"""Mistakes of units, and positions, that no arm and no laboratory can explain."""
+"""Values that are impossible for any arm and laboratory: wrong units, lost positions, too few poses."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from armtrue.errors import InputError, RowError
 from armtrue.io.columns import POSITION
 from armtrue.io.robot import Robot
 
-# How far beyond its limits a revolute joint may be commanded before the figure cannot be radians.
+# A revolute joint commanded further than this beyond its limits cannot be in radians.
 _BEYOND_LIMITS_RAD = 2.0 * math.pi
-# Without limits: two turns either way, as wrists with endless turning are brought back now and then.
+# Without limits: two turns either way, as wrists that turn endlessly are turned back from time to time.
 _WITHOUT_LIMITS_RAD = 4.0 * math.pi
 # A tool that robot.yaml does not give may reach this far from the flange [m].
 _UNKNOWN_TOOL_M = 2.0
-# Points lie half a reach from their middle: 500 in millimetres, 50 in centimetres, 20 in inches.
+# Points lie half a reach from their median: 500 for 1 m of reach in millimetres, 50 in centimetres, 20 in inches.
 _MILLIMETRES_PER_REACH = 150.0
-# What an arm has; in kelvin it reads more.
+# Temperatures that an arm can have; in kelvin the figures are larger.
 _COLDEST_C, HOTTEST_C = -80.0, 200.0
 _ABSOLUTE_ZERO_C = -273.15
 _LARGEST_SIGMA_M = 0.05
-# Base and tool are nine numbers; with fewer poses than this nothing is left to judge them by.
+# Base and tool are nine numbers; with fewer poses than this the residuals are too few to check them.
 _FEWEST_POSES = 10
 _SAME_POSE = 1e-6
 _LEAST_MOTION = 0.05
@@ -73,7 +73,7 @@ def wrong_units(columns: dict[str, Array], robot: Robot) -> list[tuple[str, int,
                 )
     if all(name in columns for name in POSITION):
         positions = np.column_stack([columns[name] for name in POSITION])
-        # The median, so that a few gross errors stay what they are.
+        # The median, so that a few gross errors have no influence.
         distance = float(np.median(np.linalg.norm(positions - np.median(positions, axis=0), axis=1)))
         largest = 2.0 * robot.reach_m + _UNKNOWN_TOOL_M
         if distance > largest:
@@ -101,7 +101,7 @@ def wrong_units(columns: dict[str, Array], robot: Robot) -> list[tuple[str, int,
 
 
 def _temperature_expected(wrong: Array) -> str:
-    """What is expected in place of temperatures that no arm has, the first of which tells what they are."""
+    """The expected value, in words, for impossible temperatures `wrong`; their likely cause is told by the first."""
     expected = "a temperature in °C"
     if wrong.size and wrong[0] <= _ABSOLUTE_ZERO_C:
         return f"{expected} (below absolute zero it is a mark for a missing value: leave out these rows or the column)"
@@ -119,7 +119,7 @@ def refuse_wrong_units(path: Path, columns: dict[str, Array], rows: NDArray[np.i
 
 
 def too_few_poses(joints: Array) -> str | None:
-    """Say why poses `joints` (N, n) cannot place base and tool, too few or hardly apart; None where they can."""
+    """Why poses `joints` (N, n) cannot determine base and tool (too few or too close together); None if they can."""
     different = len(np.unique(np.round(joints / _SAME_POSE), axis=0))
     if different < _FEWEST_POSES:
         poses = "pose" if different == 1 else "poses"
@@ -131,7 +131,7 @@ def too_few_poses(joints: Array) -> str | None:
 
 
 def refuse_too_few_poses(path: Path, joints: Array) -> None:
-    """Raise InputError where poses `joints` (N, n) cannot place base and tool."""
+    """Raise InputError if poses `joints` (N, n) cannot determine base and tool."""
     reason = too_few_poses(joints)
     if reason is not None:
         raise InputError(f"{path}: {reason}")

@@ -19,8 +19,8 @@ from armtrue.io.urdf import LARGEST_LIMIT_RAD, read_urdf_chain
 from armtrue.io.yamlfile import Section, load_yaml
 
 STANDARD_GRAVITY = [0.0, 0.0, -9.81]
-LARGEST_LEAD_M = 2.0  # a pinion of 0.6 m; what is larger is in millimetres
-# What is larger is in millimetres [m].
+LARGEST_LEAD_M = 2.0  # a pinion of 0.6 m; larger values are in millimetres
+# Larger values are in millimetres [m].
 _LONGEST_TOOL_M, _LONGEST_RAIL_M, _FURTHEST_BASE_M = 10.0, 100.0, 1000.0
 _NO_MOTOR = "as the joint is passive: it has no motor"
 
@@ -29,9 +29,9 @@ _NO_MOTOR = "as the joint is passive: it has no motor"
 class Robot:
     """The nominal arm, as robot.yaml and the URDF that it may name describe it.
 
-    `spec`: the content of robot.yaml with defaults filled in, in SI units, JSON-able; in place of a URDF stand the
-    joints of its chain. `urdf`: the file that they come from. `gravity_stated`: False where robot.yaml leaves gravity
-    at its default.
+    `spec`: the content of robot.yaml with defaults filled in, in SI units, JSON-able; a URDF is replaced by the joints
+    of its chain. `urdf`: the file that they come from. `gravity_stated`: False if robot.yaml leaves gravity at its
+    default.
     """
 
     spec: dict[str, Any]
@@ -46,7 +46,7 @@ class Robot:
 
     @property
     def joint_count(self) -> int:
-        """How many joints move."""
+        """Number of joints."""
         return len(self.joints)
 
     @property
@@ -70,7 +70,7 @@ class Robot:
 
     @property
     def kinematics_file(self) -> str:
-        """The name of the file that the kinematics stand in: robot.yaml, or a URDF that it names."""
+        """The name of the file with the kinematics: robot.yaml, or the URDF that it names."""
         return "robot.yaml" if self.urdf is None else self.urdf.name
 
     @property
@@ -182,7 +182,7 @@ def _passive(joints: list[dict[str, Any]]) -> list[int]:
 def pose(section: Section, furthest_m: float = _FURTHEST_BASE_M) -> dict[str, list[float]]:
     """Read `{xyz, rpy}`: metres and radians about fixed axes x, y, z; rpy may be left out and is then zero.
 
-    Nothing of it lies beyond `furthest_m`.
+    No coordinate may be beyond ± `furthest_m`.
     """
     form = "a list [x, y, z] in metres"
     result = {
@@ -304,7 +304,7 @@ def _joint(row: Section, number: int, read_frame: Callable[[Section], dict[str, 
 
 
 def _lead(row: Section, key: str, revolute: bool) -> float:
-    """Travel [m] of a joint that slides for a turn of its screw or pinion."""
+    """Travel [m] of a prismatic joint per turn of its screw or pinion."""
     if revolute:
         raise row.fail(key, "no lead of a joint that turns, but gear_ratio")
     lead = row.number(key, expected="a length in metres per turn of the screw or pinion")
@@ -426,9 +426,10 @@ def _coupling(top: Section, joint_count: int, passive: list[int]) -> list[dict[s
 def _with_mimics(
     mimics: list[dict[str, Any]], rows: list[dict[str, Any]], passive: list[int], top: Section
 ) -> list[dict[str, Any]]:
-    """`rows` of robot.yaml, and what the joints that mimic another in the URDF make of them.
+    """The coupling `rows` of robot.yaml, together with those of the URDF's joints that mimic another.
 
-    A URDF's multiplier is per angle between two links; `coupling` counts from motors, which may turn several links.
+    A URDF's multiplier relates two link angles; `coupling` relates a joint to motors, each of which may turn several
+    links.
     """
     result: list[dict[str, Any]] = []
     for mimic in mimics:
@@ -458,7 +459,7 @@ def _with_mimics(
 
 
 def _refuse_undriven(passive: list[int], coupling: list[dict[str, Any]], top: Section) -> None:
-    """Raise InputError for a passive joint that nothing turns."""
+    """Raise InputError for a passive joint without a coupling."""
     for joint in passive:
         if not any(row["joint"] == joint for row in coupling):
             raise InputError(

@@ -1,4 +1,4 @@
-"""Rotations as people and instruments write them, to matrices and unit quaternions (w, x, y, z).
+"""Conversion of rotations in the forms that files use to matrices and unit quaternions (w, x, y, z).
 
 Arrays may carry any leading dimensions. Formulas: J. Diebel, Representing Attitude: Euler Angles, Unit Quaternions,
 and Rotation Vectors, Stanford 2006.
@@ -37,7 +37,7 @@ def matrix_from_euler(angles_rad: ArrayLike, sequence: str, intrinsic: bool) -> 
 
 
 def matrix_from_rpy(rpy_rad: ArrayLike) -> Array:
-    """Rotation matrix from roll, pitch, yaw about the fixed axes x, y, z: the house's and URDF's convention."""
+    """Rotation matrix from roll, pitch, yaw about the fixed axes x, y, z: the convention of robot.yaml and URDF."""
     return matrix_from_euler(rpy_rad, "xyz", intrinsic=False)
 
 
@@ -70,7 +70,7 @@ def matrix_from_rotation_vector(vector_rad: ArrayLike) -> Array:
 def quaternion_from_matrix(matrix: Array) -> Array:
     """Unit quaternion (…, 4), w first and not negative, from rotation matrices (…, 3, 3).
 
-    Takes the largest of the four components as the divisor (Shepperd 1978), so that no turn loses figures.
+    Takes the largest of the four components as the divisor (Shepperd 1978), so that no rotation loses precision.
     """
     m = np.asarray(matrix, dtype=np.float64)
     d0, d1, d2 = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]

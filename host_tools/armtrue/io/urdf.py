@@ -1,4 +1,4 @@
-"""A URDF's chain from base link to tip link, in the house's convention "chain" (docs/model.md).
+"""A URDF's chain from base link to tip link, in the convention "chain" of robot.yaml (docs/model.md).
 
 Parsing is `urdf_parser_py`'s, the ROS project's own reader: small, and kept with every ROS release. The larger readers
 (`yourdfpy`, `urchin`) bring meshes, scene graphs and some thirty packages that a chain does not need.
@@ -21,7 +21,7 @@ from armtrue.errors import InputError, did_you_mean
 from armtrue.io.files import read_text
 from armtrue.io.rotation import matrix_from_rotation_vector, matrix_from_rpy, rpy_from_matrix
 
-# Six turns either way: limits of a joint that turns are not beyond, written in radians.
+# Six turns either way: larger limits of a revolute joint are not in radians.
 LARGEST_LIMIT_RAD = 12 * math.pi
 _JOINT_TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 
@@ -31,10 +31,10 @@ def read_urdf_chain(
 ) -> tuple[dict[str, Any], list[dict[str, Any]], list[dict[str, Any]]]:
     """Return `(kinematics, links, mimics)` of the chain from link `base` to link `tip`.
 
-    `kinematics` has convention "chain"; `links` one `{mass, com}` a joint in its frame, empty where the URDF gives no
-    mass; `mimics` what turns the joints that mimic another, as `{joint, driving, ratio}`, numbers from 1: these joints
-    are passive, and their `<mimic offset>` is in their row's `offset`. Bodies that hang on a link by fixed joints count
-    with it; so do side branches, at their zero position.
+    `kinematics` has convention "chain"; `links` one `{mass, com}` a joint in its frame, empty if the URDF gives no
+    mass; `mimics` the couplings of joints that mimic another, as `{joint, driving, ratio}`, numbers from 1: they are
+    passive, and their `<mimic offset>` is in their row's `offset`. The mass of a link includes bodies attached to it by
+    fixed joints, and side branches at their zero position.
 
     Errors: InputError when the file is no URDF, a link is unknown, tip does not descend from base, or a joint of the
     chain is of another type (floating, planar), or mimics one that is not in the chain.
@@ -43,7 +43,7 @@ def read_urdf_chain(
     joints: list[dict[str, Any]] = []
     names: list[str] = []
     bodies: list[tuple[float, Array]] = []
-    # The frame of the last moving joint, from the link that the walk stands on.
+    # Pose of the current link in the frame of the last moving joint.
     frame_from_link = np.eye(4)
     last_link = base
     for joint in tree.path(base, tip):
@@ -76,9 +76,9 @@ def read_urdf_chain(
 
 
 def parse_urdf(path: Path) -> Any:
-    """Return the URDF at `path` as its parser's `Robot`, with finite figures, names of their own and links that exist.
+    """Return the URDF at `path` as its parser's `Robot`, checked for finite numbers, unique names and existing links.
 
-    What the parser does not know (tags of xacro, of simulators) is passed over, as nothing of it is read.
+    Tags that the parser does not know (of xacro, of simulators) are ignored, as nothing in them is used.
 
     Errors: InputError naming the file and the joint or link.
     """
@@ -99,7 +99,7 @@ def parse_urdf(path: Path) -> Any:
     return robot
 
 
-# Figures that are read, by the element that holds them: path within it, attribute, how many.
+# Numbers that are read, by element: path within it, attribute, count.
 _FIGURES = {
     "joint": (
         ("origin", "xyz", 3),
@@ -115,7 +115,7 @@ _FIGURES = {
 
 
 def _wrong_figures(root: ElementTree.Element) -> Iterator[tuple[str, str, str]]:
-    """Place, text and what was expected of every attribute that is read and holds no finite numbers, or too few."""
+    """Place, text and expectation of each attribute in `_FIGURES` that does not hold its count of finite numbers."""
     for kind, figures in _FIGURES.items():
         for element in root.findall(kind):
             for inside, attribute, count in figures:
@@ -139,7 +139,7 @@ def _are_numbers(text: str, count: int) -> bool:
 
 
 def _refuse_broken_names(path: Path, robot: Any) -> None:
-    """Raise InputError for a name that stands twice, a link that does not exist, and a link with two parents."""
+    """Raise InputError for a repeated name, a link that does not exist, or a link with two parents."""
     for kind, elements in (("link", robot.links), ("joint", robot.joints)):
         seen: set[str] = set()
         for element in elements:
@@ -166,7 +166,7 @@ def _refuse_broken_names(path: Path, robot: Any) -> None:
 
 
 class _Tree:
-    """The parsed URDF with look-ups by link; every complaint names the file."""
+    """The parsed URDF with look-ups by link; every error names the file."""
 
     def __init__(self, path: Path) -> None:
         self.path_of_file = path
@@ -234,9 +234,9 @@ class _Tree:
         return row
 
     def mimic(self, name: str, names: list[str], row: dict[str, Any]) -> dict[str, Any]:
-        """What turns the joint `name` of the chain `names`, which mimics another, perhaps one that mimics itself.
+        """The coupling of the joint `name` of the chain `names`, which mimics another, perhaps by way of more mimics.
 
-        What is added to its angle goes into the `offset` of its `row`, and out of its limits.
+        The mimic offset is added to the `offset` of its `row` and subtracted from its limits.
         """
         joints = {joint.name: joint for joint in self.robot.joints}
         ratio, offset, at = 1.0, 0.0, joints[name]
@@ -263,7 +263,7 @@ class _Tree:
         return {"joint": names.index(name) + 1, "driving": names.index(at.name) + 1, "ratio": ratio}
 
     def mass_moment(self, link: str, frame_from_link: Array, stop: set[str]) -> tuple[float, Array]:
-        """Mass and mass times centre of `link` and all that hangs on it, short of the joints in `stop`."""
+        """Mass, and mass times centre, of `link` and all that is attached to it, except beyond the joints in `stop`."""
         mass = 0.0
         moment: Array = np.zeros(3)
         inertial = self.links[link].inertial if link in self.links else None

@@ -1,4 +1,4 @@
-"""What the order of the rows says of the way to each pose: directions of approach, and how far joints came in them."""
+"""Directions of approach to each pose, and the joints' travel in them, derived from the order of the rows."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armtrue.io.columns import commanded_joints
 _STANDSTILL = 1e-6
 # Fewer motions may agree with the stated directions by chance.
 _FEWEST_MOTIONS = 20
-# Of the steps from row to row: an interrupted session may contradict the order in so many, no more.
+# Largest share of the steps from row to row that may contradict the order, as after interruptions of a session.
 _MOST_CONTRADICTIONS = 0.01
 
 
@@ -28,10 +28,10 @@ def directions(columns: dict[str, Array]) -> dict[str, Array]:
 
 
 def travels(columns: dict[str, Array]) -> dict[str, Array]:
-    """`travel1…traveln` [rad, m] of the joints whose stated directions are those of the way from row to row.
+    """`travel1…traveln` [rad, m] of the joints whose recorded directions agree with the motion from row to row.
 
-    In order of time where that was recorded. A joint that came from elsewhere (a point on the way, another programme)
-    contradicts its `dir`; nothing is concluded of one that does so more than once in a hundred steps.
+    Rows are in order of time if that was recorded. A joint that came from elsewhere (an intermediate point, another
+    program) contradicts its `dir`; a joint that does so more than once in a hundred steps gets no travel.
     """
     order = _order(columns)
     result: dict[str, Array] = {}
@@ -47,11 +47,11 @@ def travels(columns: dict[str, Array]) -> dict[str, Array]:
 
 
 def agreements(columns: dict[str, Array]) -> dict[int, dict[str, float]]:
-    """Of each joint with a recorded `dir`: the share (0 to 1) of its motions with which that agrees, by way of reading.
+    """For each joint with a recorded `dir`, the share (0 to 1) of its motions that agree with it, by interpretation.
 
-    "as it stands"; "one row late" and "one row early": as if it stood in the row after or before its own; "reversed":
-    with the other sign; "0 for −1" and "1 for −1, 0 for 1", where none is −1. A motion is a step from row to row, in
-    order of time where that was recorded. Joints with fewer motions than tell anything are left out.
+    "as it stands"; "one row late" and "one row early": the value is in the row after or before its own; "reversed":
+    with the other sign; "0 for −1" and "1 for −1, 0 for 1": only if none is −1. A motion is a step from row to row, in
+    order of time if that was recorded. Joints with too few motions are left out.
     """
     order = _order(columns)
     result: dict[int, dict[str, float]] = {}
@@ -91,8 +91,8 @@ def _travel(q: Array, side: Array) -> NDArray[np.float64] | None:
     contradicts = np.where(moved, np.sign(step), side[:-1]) != side[1:]
     if np.count_nonzero(moved) < _FEWEST_MOTIONS or contradicts.mean() > _MOST_CONTRADICTIONS:
         return None
-    # Where a joint came from before the first row, and before a row that contradicts, is not known: most motions
-    # are long.
+    # The travel to the first row, and to a row that contradicts, is not known: it is taken as the joint's range, since
+    # most motions are long.
     far = float(np.ptp(q))
     result = np.full(q.size, far)
     for row in range(1, q.size):

@@ -1,4 +1,4 @@
-"""YAML as people write it, read key by key: what is wrong or left unread is named with its place in the file."""
+"""YAML files, read key by key: errors and unknown keys are reported with their place in the file."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _construct_int(loader: _Loader, node: yaml.ScalarNode) -> int:
 
 
 _FLOAT = r"[-+]?(?:[0-9]+\.[0-9]*|\.[0-9]+|[0-9]+)(?:[eE][-+]?[0-9]+)?|[-+]?\.inf|\.nan|\.NaN"
-# Set whole, not added to: what SafeLoader resolves beyond version 1.2 must go.
+# Replaced, not extended: SafeLoader's resolvers beyond version 1.2 are removed.
 _Loader.yaml_implicit_resolvers = {}
 for _tag, _pattern, _first in (
     ("int", r"[-+]?[0-9]+", "-+0123456789"),
@@ -87,14 +87,14 @@ def _construct(text: str) -> Any:
 
 
 def _refuse_bombs(top: yaml.Node) -> None:
-    """Refuse a document whose aliases, written out, make it larger than a person could write."""
+    """Refuse a document whose aliases expand to more entries than a person could write."""
     sizes: dict[int, int] = {}
 
     def size(node: yaml.Node) -> int:
         known = sizes.get(id(node))
         if known is not None:
             return known
-        sizes[id(node)] = _MOST_NODES + 1  # found again within itself: without end
+        sizes[id(node)] = _MOST_NODES + 1  # counts if the node contains itself, which has no end
         total = 1
         if isinstance(node, yaml.SequenceNode):
             total += sum(map(size, node.value))
@@ -132,7 +132,7 @@ def load_yaml(path: Path) -> Section:
 
 
 class Section:
-    """One mapping of a file. Each reader takes a key, checks it and makes it known; `finish` refuses the rest.
+    """One mapping of a file. Each reader reads a key, checks it and marks it as known; `finish` refuses the others.
 
     `where` is the key path of the mapping, counted from 1 within lists. All readers raise InputError.
     """
@@ -153,14 +153,14 @@ class Section:
         return f"{self.file}: {path}" if path else self.file
 
     def fail(self, key: str, expected: str) -> InputError:
-        """Return the error for `key`, quoting what stands there."""
+        """Return the error for `key`, quoting its value."""
         if key not in self._mapping:
             hint = did_you_mean(key, set(self._mapping) - self._known).replace("did you mean", "there is")
             return InputError(f"{self.place(key)}: found nothing, expected {expected}{hint.replace('?', '')}")
         return InputError(f"{self.place(key)}: found {shorten(self._mapping[key])}, expected {expected}")
 
     def has(self, key: str) -> bool:
-        """True where `key` stands with a value other than null; `key` counts as known from here on."""
+        """True if `key` has a value other than null; marks `key` as known."""
         self._known.add(key)
         return self._mapping.get(key) is not None
 
@@ -279,7 +279,7 @@ class Section:
         ]
 
     def finish(self) -> None:
-        """Refuse keys that nothing asked for."""
+        """Refuse keys that were not read."""
         for key in self._mapping:
             if key not in self._known:
                 hint = did_you_mean(key, self._known) or f" (known here: {', '.join(sorted(self._known))})"

@@ -1,1 +1,1 @@
-"""What changed half way: the tracker or the base was moved, or the reflector was exchanged."""
+"""Changes during a session: the tracker or the base was moved, or the reflector was exchanged."""

@@ -1,4 +1,4 @@
-"""Plain geometry fitted from nothing in milliseconds: base, tools, zeros and links that bring the arm to its points."""
+"""Fast fit of geometry alone, without starting values, in milliseconds: base, tools, zeros and links."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from armtrue.io.robot import Robot
 from armtrue.tables.chain import Chain, chain_from_robot, pose
 
 _PASSES = 4
-# What poses tell so much worse than the best they tell stays at its nominal value.
+# Combinations of coordinates with a singular value below this share of the largest stay at their nominal value.
 _LEAST_SEEN = 1e-3
-# Rows from which base and tools are found first.
+# Number of rows of the first alignment of base and tools.
 _ROWS_ALIGNED = 120
-# A set-up with fewer rows takes the frame of all.
+# A set-up with fewer rows starts from the base of the alignment.
 _FEWEST_OF_SET_UP = 4
-# An arm has its links and zeros within this of nominal: lengths as a share of the reach, turns [rad].
+# Largest plausible deviation of links and zeros from nominal: shifts as a share of the reach, turns [rad].
 _PLAUSIBLE_SHARE = 0.1
 _PLAUSIBLE_TURN = 0.2
-# What stays once geometry is fitted: metres per metre of reach, and a share of what nominal geometry leaves.
+# Largest RMS residual if geometry explains the points: [m per metre of reach], and as a share of the nominal residual.
 _EXPLAINED_PER_REACH = 0.002
 _EXPLAINED_SHARE = 0.25
 _EQUATIONS_PER_UNKNOWN = 3.0
@@ -35,10 +35,10 @@ class Geometry:
     """An arm whose geometry was fitted to points, N rows.
 
     `nominal_m` (N, 3): measured minus predicted with nominal kinematics. `residual_m` (N, 3): with geometry fitted.
-    `span` (3N, r): orthonormal, what geometry can take up. `follows` (N,): rows that are no gross errors.
-    `frames`: measuring_from_frame (N, 4, 4) of the base and after each joint; `flange` the flange's. `points` (N, 3).
-    `bases`: of each set-up. `tool` (N,): the number of each row's tool.
-    `largest_turn` [rad], `largest_shift_m`: of zeros and links.
+    `span` (3N, r): orthonormal basis of the changes that geometry can make. `follows` (N,): rows without gross error.
+    `frames`: measuring_from_frame (N, 4, 4) of the base and after each joint; `flange`: of the flange.
+    `points` (N, 3): predicted positions. `bases`: one of each set-up. `tool` (N,): the number of each row's tool.
+    `largest_turn` [rad], `largest_shift_m`: largest corrections of zeros and links.
     """
 
     chain: Chain
@@ -57,17 +57,17 @@ class Geometry:
 
     @property
     def nominal_rms_m(self) -> float:
-        """RMS distance with nominal kinematics, gross errors apart."""
+        """RMS distance with nominal kinematics, without gross errors."""
         return _rms(self.nominal_m[self.follows])
 
     @property
     def rms_m(self) -> float:
-        """RMS distance with geometry fitted, gross errors apart."""
+        """RMS distance with geometry fitted, without gross errors."""
         return _rms(self.residual_m[self.follows])
 
     @property
     def explains(self) -> bool:
-        """True where geometry within what arms have brings arm and points together."""
+        """True if a plausible deviation from nominal geometry explains the points."""
         rows = int(self.follows.sum())
         return bool(
             3 * rows >= _EQUATIONS_PER_UNKNOWN * self.span.shape[1]
@@ -79,9 +79,9 @@ class Geometry:
 
 
 def fit_geometry(columns: Columns, robot: Robot) -> Geometry:
-    """Fit `columns` (q1…qn, x, y, z, and target, station, nest where they are there) by Gauss-Newton from nominal.
+    """Fit `columns` (q1…qn, x, y, z, and target, station, nest if present) by Gauss-Newton from nominal values.
 
-    Errors: ValueError where there are too few rows to align.
+    Errors: ValueError if there are too few rows to align.
     """
     state = _State(columns, robot)
     nominal = state.residual()
@@ -108,7 +108,7 @@ def fit_geometry(columns: Columns, robot: Robot) -> Geometry:
 
 
 class _State:
-    """An arm between two Gauss-Newton steps: each frame has a small correction of all six coordinates."""
+    """The state between two Gauss-Newton steps: the frame after each joint has a correction in six coordinates."""
 
     def __init__(self, columns: Columns, robot: Robot) -> None:
         self.chain = chain_from_robot(robot.spec)
@@ -161,12 +161,12 @@ class _State:
         return np.asarray(self._measured - self.points)
 
     def follows(self) -> NDArray[np.bool_]:
-        """Rows that are no gross errors."""
+        """Mask (N,) of the rows without gross error."""
         distance = np.linalg.norm(self.residual(), axis=1)
         return np.asarray(distance <= gross_limit_m(distance))
 
     def decomposed(self) -> tuple[Array, Array, Array]:
-        """Left vectors (3N, r), singular values (r,) and right vectors (r, p) of what the coordinates move."""
+        """Left vectors (3N, r), singular values (r,) and right vectors (r, p) of the weighted design matrix."""
         count = len(self._measured)
         moved = [
             np.where((self._set_up == number)[:, None, None], self._by_frame(self.frames[0]), 0.0)
@@ -209,7 +209,7 @@ class _State:
 def seen_part(design: Array, least: float) -> tuple[Array, Array, Array]:
     """The singular value decomposition of `design` (N, p) without values below `least` of the largest.
 
-    By way of the p x p square, which is a tenth of the work for a tall design; `least` should stay above 1e-6.
+    Computed from the p x p normal matrix, a tenth of the work for a tall design; `least` should stay above 1e-6.
     """
     squares, right = np.linalg.eigh(design.T @ design)
     seen = squares > least**2 * squares[-1]
@@ -218,14 +218,14 @@ def seen_part(design: Array, least: float) -> tuple[Array, Array, Array]:
 
 
 def moved_by(frame: Array, points: Array, reach_m: float) -> Array:
-    """What the six coordinates of `frame` (N, 4, 4) move `points` (N, 3): (N, 6, 3), turns as metres at full reach."""
+    """Shifts (N, 6, 3) of `points` (N, 3) by the coordinates of `frame` (N, 4, 4), turns in metres at full reach."""
     axes = frame[:, :3, :3].transpose(0, 2, 1)
     arm = (points - frame[:, :3, 3])[:, None, :]
     return np.concatenate([axes, np.cross(axes, arm) / reach_m], axis=1)
 
 
 def rigid(source: Array, goal: Array) -> Array:
-    """The 4 × 4 rigid motion that brings `source` (N, 3) onto `goal` (N, 3) best."""
+    """The 4 × 4 rigid motion of `source` (N, 3) onto `goal` (N, 3) with the least sum of squared distances."""
     from_middle, to_middle = source.mean(axis=0), goal.mean(axis=0)
     u, _, vt = np.linalg.svd((source - from_middle).T @ (goal - to_middle))
     result = np.eye(4)
@@ -248,7 +248,7 @@ def _angle(motion: Array) -> float:
 
 
 def _numbered(columns: list[Array], count: int) -> NDArray[np.int64]:
-    """0, 1, … for each combination of values of `columns`, by row."""
+    """Number of each row's combination of values in `columns`, from 0."""
     if not columns:
         return np.zeros(count, dtype=np.int64)
     return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Steps so large that the file as a whole follows no arm: from one row on, another frame or another reflector."""
+"""Steps so large that no arm fits the whole file: from some row on, the frame or the reflector is another."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armtrue.checking.hypotheses import Hypothesis
 from armtrue.checking.placement import Reading, relaxed_system
 from armtrue.io.dataset import Dataset
 
-# The relaxed problem has a dozen unknowns on either side and three for each tool: four equations for each.
+# The relaxed problem has 12 unknowns on each side of a step and 3 for each tool: four equations for each of the 12.
 _FEWEST_ROWS = 16
 _RIDGE = 1e-9
 _BASE = "station"
@@ -20,7 +20,7 @@ _TOOL = "target"
 
 
 def hypotheses(data: Dataset, reading: Reading) -> list[Hypothesis]:
-    """The likeliest step of the measuring frame, and of the reflector; `reading`: of the rows of `data`."""
+    """The likeliest step of the measuring frame and that of the reflector; `reading` has the rows of `data`."""
     clock = data.columns.get("time", np.arange(data.count, dtype=np.float64))
     order = np.argsort(clock, kind="stable")
     return list(_hypotheses(data, reading, order))
@@ -29,7 +29,7 @@ def hypotheses(data: Dataset, reading: Reading) -> list[Hypothesis]:
 def _hypotheses(data: Dataset, reading: Reading, order: NDArray[np.int64]) -> Iterator[Hypothesis]:
     for column in (_BASE, _TOOL):
         if column in reading.columns:
-            continue  # what the file says of set-ups or reflectors stands
+            continue  # the file itself names set-ups or reflectors
         at = _place(reading, order, column)
         if at is None:
             continue
@@ -63,7 +63,7 @@ def _hypothesis(column: str, codes: Array, first: int) -> Hypothesis:
 
 
 def _place(reading: Reading, order: NDArray[np.int64], column: str) -> int | None:
-    """The place in `order` before which a step of `column` leaves the least of the relaxed problem."""
+    """Index in `order` before which a step of `column` leaves the least residual of the relaxed problem."""
     count = len(order)
     if count < 2 * _FEWEST_ROWS:
         return None
@@ -71,7 +71,7 @@ def _place(reading: Reading, order: NDArray[np.int64], column: str) -> int | Non
     rows, right = rows[order], right[order]
     twice = slice(0, 12) if column == _BASE else slice(12, rows.shape[2])
     stepped = rows[:, :, twice]
-    # With a step, columns `twice` stand once for all rows and once more for those from the step on.
+    # The design with a step repeats the columns `twice`, as zero in the rows before the step.
     square = np.einsum("nia,nib->ab", rows, rows)
     given = np.einsum("nia,ni->a", rows, right)
     shared = np.cumsum(np.einsum("nia,nib->nab", stepped, rows)[::-1], axis=0)[::-1]

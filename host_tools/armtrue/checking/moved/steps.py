@@ -1,4 +1,4 @@
-"""Steps between two rows: from one on, the measuring frame or the reflector's place is another."""
+"""Steps between two rows: from some row on, the measuring frame or the reflector's place is another."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from armtrue.io.columns import commanded_joints
 from armtrue.io.dataset import Dataset
 from armtrue.io.robot import Robot
 
-# More rows only take time.
+# Most rows that are used; more only take time.
 _ROWS = 600
-# A step has so many rows on either side, and a twelfth of all.
+# Each side of a step needs this many rows, and a twelfth of all.
 _FEWEST_ROWS = 8
 _SHARE_OF_ROWS = 12
 _FEWEST_IN_ALL = 40
-# The F statistic from which a step is no chance; rows that resemble their neighbours count as one. Where nothing was
-# moved it can be far larger than chance alone makes it, for a real arm warms up and wears while it is measured.
+# Least F statistic of a step; correlation of neighbouring rows reduces the statistic. Without any step it can be far
+# larger than by chance alone, as a real arm warms up and wears while it is measured.
 _FAR_MORE_THAN_CHANCE = 100.0
 _MOST_STEPS = 3
 _LEAST_SEEN = 1e-5
@@ -33,9 +33,9 @@ _LEAST_SEEN = 1e-5
 
 @dataclass(frozen=True)
 class _Step:
-    """A step of `kind` ("base", or "tool" and its number) before the place `at` in order of time.
+    """A step of `kind` ("base", or "tool" and its number) before row `at` in order of time.
 
-    `explained`: share of the squared residual. `beyond_chance`: the F statistic.
+    `explained`: share of the squared residual that it explains. `beyond_chance`: the F statistic.
     """
 
     kind: str
@@ -88,10 +88,10 @@ def _steps(data: Dataset, geometry: Geometry) -> list[tuple[_Step, NDArray[np.in
 
 
 def _best(geometry: Geometry, span: Array, left: Array, order: NDArray[np.int64]) -> _Step | None:
-    """The step that explains most of `left` (3N,), if far more than chance does."""
+    """The step that explains `left` (3N,) best, if its F statistic is large enough."""
     kinds = ["base", *(f"tool {number}" for number in range(int(geometry.tool.max()) + 1))]
     found = [step for kind in kinds if (step := _of_kind(geometry, span, left, order, kind)) is not None]
-    # A base has six coordinates and a tool three: each has to explain what it costs.
+    # The Bayesian information criterion compares the six coordinates of a base with the three of a tool.
     equations = 3 * int(geometry.follows.sum())
     found.sort(
         key=lambda one: equations * math.log(max(1e-9, 1.0 - one.explained))
@@ -106,7 +106,7 @@ def _size(kind: str) -> int:
 
 
 def _columns_of(geometry: Geometry, kind: str) -> Array:
-    """What the coordinates of a step of `kind` move, (N, 3, 6); the last three nothing for a tool."""
+    """Shifts of the points (N, 3, 6) by the coordinates of a step of `kind`; for a tool the last three are 0."""
     if kind == "base":
         return moved_by(geometry.frames[0], geometry.points, geometry.reach_m).transpose(0, 2, 1)
     of_tool = geometry.tool == int(kind.split()[1])
@@ -118,7 +118,7 @@ def _columns_of(geometry: Geometry, kind: str) -> Array:
 def _of_kind(
     geometry: Geometry, span: Array, left: Array, order: NDArray[np.int64], kind: str
 ) -> _Step | None:
-    """The best step of `kind`; None where there are too few rows on either side of any."""
+    """The best step of `kind`; None if no step has enough rows on both sides."""
     count, size = len(order), _size(kind)
     weight = geometry.follows[order].astype(np.float64)
     columns = _columns_of(geometry, kind)[order, :, :size] * weight[:, None, None]
@@ -128,11 +128,11 @@ def _of_kind(
     places = np.flatnonzero((seen[:-1] >= fewest) & (seen[-1] - seen[:-1] >= fewest)) + 1
     if not places.size:
         return None
-    # Sums over the rows from each place on give the normal equations of a step there, all at once.
+    # Sums from each row to the last give the normal equations of a step at that row, for all rows at once.
     square = _from_each_on(np.einsum("nia,nib->nab", columns, columns))[places]
     shared = _from_each_on(np.einsum("nia,nip->nap", columns, kept))[places]
     right = _from_each_on(np.einsum("nia,ni->na", columns, rest))[places]
-    # By its size before all else is taken out: a step that all else contains, as of a set-up, then counts for nothing.
+    # Scaled by the size before `span` is projected out, so that a step within `span`, as of a set-up, gains nothing.
     scale = np.sqrt(np.maximum(1e-12, np.einsum("naa->na", square)))
     square = square - shared @ shared.transpose(0, 2, 1)
     normal = square / scale[:, :, None] / scale[:, None, :] + 1e-6 * np.eye(size)
@@ -202,7 +202,7 @@ def _finding(data: Dataset, geometry: Geometry, step: _Step, order: NDArray[np.i
 
 
 def _joint_that_parts(data: Dataset, order: NDArray[np.int64], at: int) -> int | None:
-    """A joint, counted from 1, that lies lower in all rows before the step than in all after, or higher."""
+    """The first joint, from 1, whose angles before the step are all below, or all above, those after it."""
     for k, name in enumerate(commanded_joints(data.columns), start=1):
         before, after = data.columns[name][order[:at]], data.columns[name][order[at:]]
         slack = 0.02 * float(np.ptp(data.columns[name]))
@@ -212,7 +212,7 @@ def _joint_that_parts(data: Dataset, order: NDArray[np.int64], at: int) -> int |
 
 
 def _set_ups(data: Dataset, geometry: Geometry) -> list[Finding]:
-    """A note on set-ups that the file names: a model that does not know them mixes their frames."""
+    """A note on the set-ups named in the file: a model without the effect station mixes their frames."""
     if len(geometry.bases) < 2:
         return []
     middle = np.append(geometry.points.mean(axis=0), 1.0)
@@ -231,7 +231,7 @@ def _set_ups(data: Dataset, geometry: Geometry) -> list[Finding]:
 
 
 def _how_far(geometry: Geometry, step: _Step, order: NDArray[np.int64]) -> tuple[float, float]:
-    """RMS shift [m] of the points, and the turn [rad], that the step comes to beside the arm's geometry alone."""
+    """RMS shift [m] of the points and turn [rad] of the step, fitted together with the arm's geometry alone."""
     count, size = len(order), _size(step.kind)
     later = order[step.at :]
     columns = np.zeros((count, 3, size))

@@ -1,6 +1,6 @@
-"""What else than a step may have changed half way: drift, warmth, loads, directions, waves of the joints.
+"""Causes that can resemble a step: drift, temperature, loads, approach directions, periodic errors of joints.
 
-All of it is taken out of the residuals before a step is looked for, so that none of it passes for one.
+They are projected out of the residuals before a step is searched, so that none is taken for one.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from armtrue.io.columns import commanded_joints
 from armtrue.io.dataset import Dataset
 
 _LEAST_SEEN = 1e-3
-# A drift that is no straight line: a warm-up.
+# Powers above 1 describe a drift that is not linear, such as a warm-up.
 _POWERS_OF_TIME = (1, 2, 3)
 _HARMONICS = (1, 2)
 
 
 def span_of_all_else(data: Dataset, geometry: Geometry, progress: Array) -> Array:
-    """Orthonormal columns (3N, r) of what geometry and these move; `progress` (N,): from -1 to 1 in order of time.
+    """Orthonormal basis (3N, r) of geometry and these causes; `progress` (N,): from -1 to 1 in order of time.
 
-    The likelier come first, as many as a third of the equations allow.
+    Groups of causes are added, the likelier first, while the unknowns are at most a third of the equations.
     """
     count = data.count
     weight = np.repeat(geometry.follows.astype(np.float64), 3)[:, None]
@@ -70,7 +70,7 @@ def _wave(motor: Array, angle: Array) -> list[Array]:
 
 
 def _by_joint(geometry: Geometry, k: int) -> Array:
-    """What joint `k`, counted from 0, moves the points (N, 3): [m per m], turns as metres at full reach."""
+    """Shifts of the points (N, 3) per unit of joint `k`, from 0: [m per m], turns in metres at full reach."""
     frame = geometry.frames[k + 1]
     axis = frame[:, :3, 2]
     if geometry.chain.prismatic[k]:
@@ -79,7 +79,7 @@ def _by_joint(geometry: Geometry, k: int) -> Array:
 
 
 def _by_loads(data: Dataset, geometry: Geometry, motors: list[Array]) -> list[Array]:
-    """Joints that give way to a weight at each later frame, and to the payload at the tool."""
+    """Shifts of the points by compliant joints under a weight at each later frame, and the payload at the tool."""
     gravity = geometry.frames[0][0, :3, :3] @ geometry.chain.gravity
     payload = data.columns.get("payload", np.zeros(data.count))
     loads = []

@@ -1,1 +1,1 @@
-"""How measurements scatter: against sigma and time, in steps of rounding, between reflectors of one tool."""
+"""Scatter of measurements: compared with sigma, over time, by rounding, and between reflectors of one tool."""

@@ -1,4 +1,4 @@
-"""Distances between reflectors of one tool: rigid, they are the same at all poses, whatever the arm does."""
+"""Distances between reflectors of one tool: on a rigid tool they are the same at all poses, whatever the arm does."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from armtrue.checking.report import Finding
 from armtrue.io.dataset import Dataset
 
 _FEWEST_DISTANCES = 10
-# A distance that scatters by so many times what the firmest does is no noise, which grows with distance by less.
+# A distance with this many times the scatter of the steadiest is loose; noise grows less than that with distance.
 _TIMES = 3.0
-# Scatter below it is that of an ordinary tracker [m].
+# Smaller scatter is ordinary tracker noise [m].
 _LEAST_M = 20e-6
-# The scale is taken from this share of all distances: a reflector may be loose in half of them, and others bumped.
+# Quantile of the deviations that gives the scale: a reflector may be loose in half of the distances, others bumped.
 _SHARE = 0.8
 _NORMAL_AT_SHARE = 1.2816
 
 
 def find(data: Dataset) -> list[Finding]:
-    """A warning for each reflector of `data`, which ride on the arm, whose distance from all others scatters.
+    """A warning for each reflector of `data` (all mounted on the arm) whose distances from all others scatter.
 
-    Compared are reflectors measured one after another at one pose, with the firmest pair; of two reflectors with what
-    poses measured again scatter by.
+    Distances are between reflectors measured one after another at one pose. Their scatter is compared with that of the
+    steadiest pair or, with only two reflectors, with that of repeated poses.
     """
     if "target" not in data.columns:
         return []
@@ -34,7 +34,7 @@ def find(data: Dataset) -> list[Finding]:
     names = data.labels["target"]
     targets = sorted({target for pair in scales for target in pair})
     if len(targets) == 2:
-        # Of all three axes; a distance lies along one, and has the noise of both its ends.
+        # Repeats scatter in three axes together; a distance lies along one axis and has the noise of both its ends.
         firmest = repeats_scatter_m(data) * math.sqrt(2.0 / 3.0)
         (pair,) = scales
         who, others = (
@@ -71,9 +71,9 @@ def _finding(between: str, scale: float, compared: str, who: str) -> Finding:
 
 
 def _scales(data: Dataset) -> dict[tuple[int, int], float]:
-    """Robust standard deviation [m] of the distance of each pair of reflectors that enough poses have.
+    """Robust standard deviation [m] of the distance of each pair of reflectors measured at enough poses.
 
-    A pose is a run of rows with equal joints: after another pose the arm does not come back to just there.
+    A pose is a run of rows with equal joints: after another pose the arm does not return exactly.
     """
     targets = data.columns["target"].astype(np.int64)
     moved = np.any(np.diff(pose_keys(data)[:, :-1], axis=0) != 0, axis=1)

@@ -1,4 +1,4 @@
-"""Drift that needs no model: reflectors fixed to the floor, and poses measured again later."""
+"""Drift that shows without a model: of reflectors fixed to the floor, and of poses measured again later."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from armtrue.arrays import Array
 from armtrue.checking.report import Finding
 from armtrue.io.dataset import Dataset, fixed_targets
 
-# A drift is believed beyond so many standard deviations of its slope.
+# A drift is reported beyond this many standard deviations of its slope.
 _DEVIATIONS = 5.0
 
 
 def find(data: Dataset) -> list[Finding]:
-    """Findings on reflectors that do not ride on the arm, and on repeated poses that wander."""
+    """Findings on reflectors that are not mounted on the arm, and on repeated poses that drift."""
     if not data.has_positions:
         return []
     return [*_fixed_reflectors(data), *_wandering_repeats(data)]
@@ -54,7 +54,7 @@ def _fixed_reflectors(data: Dataset) -> list[Finding]:
 
 
 def _wandering_repeats(data: Dataset) -> list[Finding]:
-    """Poses measured again, each about its own mean, against time: a slope common to all is a drift."""
+    """A warning if repeated poses, each about its own mean, have a common slope over time."""
     if "repeat" not in data.columns or "time" not in data.columns:
         return []
     key = data.columns["repeat"] * (1 + len(data.labels.get("target", []))) + data.columns.get(
@@ -95,7 +95,7 @@ def _clock(data: Dataset) -> Array:
 def _shift_over(
     times: Array, positions: Array, span: float | None = None, groups: int = 1
 ) -> tuple[float, float]:
-    """Length of the straight-line shift over `span` of time [m] and one standard deviation of it [m]."""
+    """Length [m] of the linear shift during the time `span`, and its standard deviation [m]."""
     centred_times = times - times.mean()
     power = float(centred_times @ centred_times)
     if power == 0.0 or times.size <= groups + 2:

@@ -16,21 +16,21 @@ from armtrue.io.robot import Robot
 if TYPE_CHECKING:
     from armtrue.fitting import Fit
 
-# Steps that people round to, coarsest first; finer ones no arm resolves [m, rad].
+# Usual rounding steps, coarsest first; no arm resolves finer ones [m, rad].
 _LENGTHS_M = [digit * 10.0**power for power in range(-2, -7, -1) for digit in (5, 2, 1)]
 _DEGREES = [math.radians(digit * 10.0**power) for power in range(0, -5, -1) for digit in (5, 2, 1)]
 _ANGLES = sorted(
     [*_DEGREES, *(digit * 10.0**power for power in range(-2, -6, -1) for digit in (5, 2, 1))], reverse=True
 )
-# Fewer different values are those of a plan.
+# A column with fewer distinct values has those of a plan.
 _FEWEST_VALUES = 10
-# Radians that were made of rounded degrees are rounded once more.
+# Tolerance in steps: radians that were converted from rounded degrees are rounded once more.
 _OFF_STEP = 0.01
-# Less than this at the tool, all axes together, is no concern of an arm's [m].
+# Smaller errors at the tool, all axes together, do not matter for an arm [m].
 _LEAST_M = 20e-6
 # Rounding of less than this share of the noise is lost in it.
 _SHARE_OF_NOISE = 0.5
-# A fit that leaves less than this share of what rounding costs says that the arm went to the rounded angles.
+# If a fit leaves less than this share of the cost of rounding, the arm went to the rounded angles.
 _SHARE_LEFT = 0.7
 
 
@@ -40,9 +40,9 @@ def position_step_m(data: Dataset) -> float:
 
 
 def find(data: Dataset, robot: Robot, geometry: Fit, noise_m: float) -> list[Finding]:
-    """Warnings where rounding costs more than noise does.
+    """Warnings where rounding adds an error that is not negligible beside the noise.
 
-    `geometry`: a fit to rows of `data`. `noise_m`: what repeats scatter by, all axes together; inf for none.
+    `geometry`: a fit to rows of `data`. `noise_m`: scatter of repeats, all axes together; inf without repeats.
     """
     left_m = _rms(geometry.residuals())
     least_m = max(_LEAST_M, _SHARE_OF_NOISE * min(noise_m, left_m))
@@ -105,7 +105,7 @@ def _step(values: Array, steps: Sequence[float]) -> float:
 
 
 def _deviation(step: float) -> float:
-    """Standard deviation of what is rounded to `step`."""
+    """Standard deviation of the error of rounding to `step`."""
     return step / math.sqrt(12.0)
 
 

@@ -18,10 +18,10 @@ _TIMES_TOO_SMALL = 4.0
 
 
 def find(data: Dataset, repeats_m: float, fit_rms_m: float) -> list[Finding]:
-    """A warning where `sigma` is far from what was seen, all axes together [m].
+    """A warning if the column `sigma` is far from the observed scatter.
 
-    Far above what repeats scatter by, `repeats_m`, inf for none, or a fit of geometry leaves, `fit_rms_m`; or far below
-    `repeats_m`.
+    Too large: far above the scatter of repeats, `repeats_m` (inf without repeats), or the residual of a geometry fit,
+    `fit_rms_m`, both of all axes together [m]. Too small: far below `repeats_m`.
     """
     if "sigma" not in data.columns:
         return []
@@ -45,7 +45,7 @@ def find(data: Dataset, repeats_m: float, fit_rms_m: float) -> list[Finding]:
                 "deviation in metres; with one far too large nothing counts as significant.",
             )
         ]
-    # What a fit leaves may be errors of the arm, which sigma leaves out: only repeats tell it too small.
+    # Residuals of a fit may be errors of the arm, which sigma excludes: only repeats show that sigma is too small.
     if math.isfinite(repeats_m) and _TIMES_TOO_SMALL * stated < least:
         return [
             Finding(

@@ -1,1 +1,1 @@
-"""What several commands share: options, output, reading and showing of fits, diagnoses and tables."""
+"""Code that several commands share: options, output, reading and printing of fits, diagnoses and tables."""

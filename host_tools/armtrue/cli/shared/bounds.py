@@ -1,4 +1,4 @@
-"""Fitted values outside their physical range, which the bound and the sign of each parameter give."""
+"""Fitted values outside their physical range, which is given by the bound and the sign of each parameter."""
 
 from __future__ import annotations
 

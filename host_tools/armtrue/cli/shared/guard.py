@@ -34,7 +34,7 @@ _BESIDE_TABLES = {"compensate": ".fit.json"}
 
 
 class ReaderGoneError(Exception):
-    """Whoever read the command's output has closed the pipe, as `armtrue … | head` does."""
+    """The reader of the command's output has closed the pipe, as in `armtrue … | head`."""
 
 
 @contextmanager
@@ -110,7 +110,7 @@ typer.core.HAS_RICH = False
 class GuardedGroup(typer.core.TyperGroup):
     """The group of all commands; this module checks their arguments before any of them begins.
 
-    `homes`: of each command the module of `cli` that adds it, imported when the command runs, and its line of the help.
+    `homes`: command → the module of `cli` that adds it, imported when the command runs, and its line of the help.
     """
 
     homes: ClassVar[dict[str, tuple[str, str]]] = {}

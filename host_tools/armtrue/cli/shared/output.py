@@ -34,7 +34,7 @@ class _Console(Console):
 
 
 class Output:
-    """Where one command's words and figures go. `json_to`: the value of --json."""
+    """Destination of one command's text and figures. `json_to`: the value of --json."""
 
     def __init__(self, json_to: str | None) -> None:
         self._json_to = json_to

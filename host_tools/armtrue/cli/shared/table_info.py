@@ -1,4 +1,4 @@
-"""What a table image holds, for people."""
+"""The content of a table image as text for the terminal."""
 
 from __future__ import annotations
 
