@@ -1,7 +1,9 @@
 #include "fitter/solve/prediction.h"
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <utility>
 
 #include "fitter/design/stance.h"
@@ -75,6 +77,68 @@ std::vector<Eigen::Index> places_in(const Design& whole, const Design& part) {
   const auto linear = static_cast<Eigen::Index>(whole.free_parameters().size());
   for (int j = 0; j < part.nonlinear_count(); ++j) places.push_back(linear + j);
   return places;
+}
+
+// Parameters that no prediction contains, with their bases replaced by constants: the root mean
+// square over the measurements. Like the measured poses, a new one has an unknown history.
+struct Unforeseen {
+  Model model;
+  Eigen::VectorXd values;       // fitted; zero in `model`
+  Eigen::MatrixXd correlation;  // of the parameters' bases over the measurements
+};
+
+Unforeseen unforeseen_part(const Fit& fit) {
+  Unforeseen part;
+  const auto rows = static_cast<Eigen::Index>(fit.state().rows());
+  Eigen::MatrixXd courses(rows, 0);
+  for (Parameter p : fit.model().parameters) {
+    if (p.terms.empty() || is_foreseeable(p, fit.robot().joint_count())) continue;
+    const auto basis_of = [&](const Term& term) -> Eigen::VectorXd {
+      return Eigen::VectorXd::Map(fit.state().values(term.basis).data(), rows);
+    };
+    Eigen::VectorXd course = basis_of(p.terms.front());
+    course *= std::sqrt(static_cast<double>(rows)) / std::max(course.norm(), 1e-300);
+    for (Term& term : p.terms)
+      term.basis = Expression::number(basis_of(term).dot(course) / static_cast<double>(rows));
+    p.fixed = false;
+    const Eigen::Index count = courses.cols() + 1;
+    part.values.conservativeResize(count);
+    part.values[count - 1] = std::exchange(p.value, 0.0);
+    part.model.parameters.push_back(std::move(p));
+    courses.conservativeResize(Eigen::NoChange, count);
+    courses.rightCols<1>() = course;
+  }
+  part.correlation = courses.transpose() * courses / static_cast<double>(rows);
+  return part;
+}
+
+// Covariance of products of coefficient and basis, both uncertain, in units of the bases' root mean
+// squares. `covariance`: of the fit's unknowns, among which the parameters have `places`, or −1 if
+// they are held.
+Eigen::MatrixXd spread_of(const Unforeseen& part, const Eigen::MatrixXd& covariance,
+                          const std::vector<Eigen::Index>& places) {
+  Eigen::MatrixXd spread = part.values * part.values.transpose();
+  for (Eigen::Index i = 0; i < spread.rows(); ++i) {
+    for (Eigen::Index j = 0; j < spread.cols(); ++j) {
+      const Eigen::Index a = places[static_cast<std::size_t>(i)];
+      const Eigen::Index b = places[static_cast<std::size_t>(j)];
+      if (a >= 0 && b >= 0) spread(i, j) += covariance(a, b);
+    }
+  }
+  return spread.cwiseProduct(part.correlation);
+}
+
+// Covariance of the predicted position of row `i` due to that of the unknowns, which has those of
+// `design` in `places`.
+Eigen::Matrix3d propagated(Design& design, std::size_t i, const Eigen::MatrixXd& covariance,
+                           const std::vector<Eigen::Index>& places) {
+  Design::Row row;
+  design.evaluate(i, true, row);
+  std::vector<Eigen::Index> touched;
+  for (const int unknown : row.unknowns)
+    touched.push_back(places[static_cast<std::size_t>(unknown)]);
+  const Eigen::Matrix3Xd jacobian = row.jacobian.topRows<3>();
+  return jacobian * covariance(touched, touched) * jacobian.transpose();
 }
 
 // Standard deviation of a parameter that has no prior [m or rad].
@@ -198,19 +262,22 @@ std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
   const std::vector<Eigen::Index> places = places_in(whole.design, design);
   const Eigen::MatrixXd covariance =
       covariance_of(whole.design, fit.smoothness_sigma(), fit.effective_unknowns());
+  const Unforeseen unforeseen = unforeseen_part(fit);
+  Design of_history(state, rows, unforeseen.model, fit.kinematics());
+  const Eigen::MatrixXd by_history =
+      spread_of(unforeseen, covariance, places_in(whole.design, of_history));
+  std::vector<Eigen::Index> in_order(unforeseen.model.parameters.size());
+  std::iota(in_order.begin(), in_order.end(), 0);
   std::vector<Eigen::Matrix3d> covariances;
   covariances.reserve(state.rows());
-  Design::Row row;
-  std::vector<Eigen::Index> touched;
   for (std::size_t i = 0; i < state.rows(); ++i) {
-    design.evaluate(i, true, row);
-    touched.clear();
-    for (const int unknown : row.unknowns)
-      touched.push_back(places[static_cast<std::size_t>(unknown)]);
-    Eigen::Matrix3Xd jacobian = row.jacobian.topRows<3>();
-    if (const Pose* first_from_own = set_up_of(fit.first_from_set_up(), columns, i))
-      jacobian = first_from_own->linear().transpose() * jacobian;
-    covariances.emplace_back(jacobian * covariance(touched, touched) * jacobian.transpose());
+    Eigen::Matrix3d own = propagated(design, i, covariance, places);
+    if (!in_order.empty()) own += propagated(of_history, i, by_history, in_order);
+    if (const Pose* first_from_own = set_up_of(fit.first_from_set_up(), columns, i)) {
+      const Eigen::Matrix3d turn = first_from_own->linear().transpose();
+      own = turn * own * turn.transpose();
+    }
+    covariances.push_back(own);
   }
   return covariances;
 }

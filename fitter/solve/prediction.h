@@ -46,8 +46,9 @@ struct FreedFit {
 
 /// Covariance of each predicted position [m²], without the instrument's noise: the covariance of
 /// all parameters (also those held at nominal; with priors, smoothness and robust weights),
-/// propagated by the derivatives of what a prediction contains. An unknown that no prediction
-/// contains (warm-up of a gear) only adds to the uncertainty of base and tool. Throws ModelError.
+/// propagated by the derivatives of what a prediction contains. Parameters that depend on the
+/// history before a pose (warmth of a gear) are not in a prediction: their effect counts as random,
+/// with its mean square over the measurements. Throws ModelError.
 std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
                                                            const State::Columns& columns,
                                                            const std::vector<int>& target);

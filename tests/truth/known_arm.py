@@ -1,9 +1,9 @@
-"""Fits on arms whose truth is exact, and the truth in the fit's own coordinates.
+"""Fits to arms whose truth is known exactly, and that truth in the fit's own parameters.
 
-A fit holds what the data cannot tell apart (docs/model.md), so that what it keeps stands in for the rest: its true
-values are not those that the arm was made with. They are found here by projection: the kept parameters, as terms of
-the simulator's own arm, are moved until that arm stands where the real one stands, pose by pose. Nothing of the
-fitter's kinematics takes part.
+A fit holds parameters that the data cannot tell apart (docs/model.md), and the kept ones stand in for them: their true
+values are not those of the simulated arm. They are found here by projection: the kept parameters, as terms of the
+simulator's own arm, are changed until that arm stands where the real one stands, pose by pose. The fitter's kinematics
+is not used.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-SIGMA = 10e-6  # m, an axis; drives repeat exactly, so that the noise is what the theory assumes
+SIGMA = 10e-6  # m per axis; drives repeat exactly, so that the noise is what the theory assumes
 GEOMETRY = ["base_frame", "tool_offset", "joint_offset", "link_geometry"]
 
 
@@ -44,7 +44,7 @@ class KnownArm:
     def of(
         cls, scenario: Mapping[str, Any], model: list[Any] | None = None, poses: int = 240, **more: Any
     ) -> KnownArm:
-        """From a scenario; `model`: effects of model.yaml, default what the arm really has."""
+        """From a scenario; `model`: effects of model.yaml, default: all that the arm has."""
         campaign = simulate(
             {
                 "poses": poses,
@@ -64,7 +64,7 @@ class KnownArm:
         return joints_of(self.campaign.data, self.campaign.arm.chain.n)
 
     def sag(self) -> Array:
-        """What the arm's loads move the tool by (N,) [m]."""
+        """Displacement of the tool by the arm's loads (N,) [m]."""
         arm, data = self.campaign.arm, self.campaign.data
         stiff = [t for t in arm.terms if not any(v.startswith(LOADS) for v in variables(t.expression))]
         moved = arm.true_position(self.joints, data) - arm.with_terms(stiff).true_position(self.joints, data)
@@ -128,9 +128,9 @@ class KnownFit:
         )
 
     def projected_truth(self) -> tuple[Array, Array]:
-        """True values of the kept parameters, in their order, and the distances (N,) [m] that even they leave.
+        """True values of the kept parameters, in their order, and the distances (N,) [m] that remain with them.
 
-        Base and tool are counted from where the fit found them, as the fit counts them.
+        Base and tool are relative to the poses that the fit found, as in the fit.
         """
         if self._projected is not None:
             return self._projected
@@ -157,8 +157,8 @@ class KnownFit:
     def predicted_rms(self, sigma: float = SIGMA) -> Array:
         """Cramer-Rao bound (M,) [m] on the RMS error at fresh poses, for the kept parameters at the real arm.
 
-        From the simulator's slopes alone. Kept parameters span what all of the model's can do, so that this is the
-        bound of the whole model.
+        From the simulator's derivatives alone. The kept parameters span the same motions as all of the model's, so that
+        this is the bound of the whole model.
         """
         values, _ = self.projected_truth()
         arm = self.own_arm(values)

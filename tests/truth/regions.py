@@ -1,4 +1,4 @@
-"""Does a fit's stated covariance of its predictions hold what is wrong with them, where the model is right?"""
+"""Does the stated covariance of predictions cover their errors, if the model has all effects of the arm?"""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from armtrue import _core
 from known_arm import GEOMETRY, KnownArm
 
 ARMS = 60
-CHI2_3_95 = 7.8147279  # what the square of three unit normals exceeds once in twenty
+CHI2_3_95 = 7.8147279  # 95 % point of chi-squared with three degrees of freedom
 CASES: list[tuple[str, list[Any]]] = [
     ("kr30", ["joint_compliance"]),
     ("irb2400", ["joint_compliance", "gear_harmonics"]),
@@ -18,13 +18,15 @@ CASES: list[tuple[str, list[Any]]] = [
 ]
 
 
-def share_inside(arm: str, hidden: list[Any], seed: int, pretend: float = 1.0) -> float:
+def share_inside(arm: str, hidden: list[Any], seed: int, pretend: float = 1.0, **scenario: Any) -> float:
     """Share of 200 fresh poses whose exact position lies in the stated 95 % region of the prediction.
 
-    `hidden`: what arm, instrument and model have beside geometry. `pretend`: factor on stated standard deviations, to
-    see that it is noticed.
+    `hidden`: effects of arm, instrument and model beside geometry. `pretend`: factor on stated standard deviations, to
+    show that a wrong one is detected.
     """
-    known = KnownArm.of({"arm": arm, "seed": seed, "believed": GEOMETRY, "hidden": hidden}, poses=120)
+    known = KnownArm.of(
+        {"arm": arm, "seed": seed, "believed": GEOMETRY, "hidden": hidden, **scenario}, poses=120
+    )
     fit = known.fit(seed)
     test = {n: np.ascontiguousarray(v, dtype=float) for n, v in known.campaign.test.items() if n != "target"}
     covariance = np.asarray(_core.position_covariance(fit.core, test)).reshape(-1, 3, 3)

@@ -1,4 +1,4 @@
-"""Repeated noise on one arm: does what is estimated scatter about the truth as each fit says?"""
+"""Repeated noise on one arm: do the estimates scatter about the truth as each fit states?"""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CASES: list[tuple[str, list[Any]]] = [
 class Scatter:
     """Estimate minus truth over stated sigma, over repetitions and parameters.
 
-    mean_square: of all (1 where sigmas are right). worst_chi2, worst_p: the parameter whose sum of squares is least
+    mean_square: of all (1 if sigmas are right). worst_chi2, worst_p: the parameter whose sum of squares is least
     likely, and its two-sided probability. worst_mean, largest_mean: the parameter whose mean is furthest from zero.
     """
 
@@ -36,7 +36,7 @@ class Scatter:
 
 
 def scatter(arm: str, hidden: list[Any], repetitions: int, pretend: float = 1.0) -> Scatter:
-    """Fit `repetitions` times with fresh noise. `pretend`: factor on the stated sigmas, to see that it is noticed."""
+    """Fit `repetitions` times with fresh noise. `pretend`: factor on the stated sigmas, to see it detected."""
     known = KnownArm.of({"arm": arm, "seed": 21, "believed": GEOMETRY, "hidden": hidden}, poses=120)
     rows: list[dict[str, float]] = []
     for seed in range(repetitions):

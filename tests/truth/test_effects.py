@@ -10,9 +10,9 @@ from known_arm import GEOMETRY, KnownArm
 
 SEEDS = 40
 SIGMAS = 4.0
-# Of the Cramer-Rao bound. The mean over 40 seeds scatters by 1 to 2 %.
+# Relative to the Cramer-Rao bound. The mean over 40 seeds scatters by 1 to 2 %.
 LARGEST_RATIO = 1.05
-HELD_GEOMETRY = 1e-3  # what nobody can tell of lengths and angles, m and rad
+HELD_GEOMETRY = 1e-3  # what the data cannot tell of lengths and angles, m and rad
 BELIEVED = [*GEOMETRY, "joint_compliance"]
 
 CUSTOM: dict[str, Any] = {
@@ -75,7 +75,7 @@ TOGETHER: dict[str, Any] = {
 
 
 def model_of(arm: KnownArm) -> list[Any]:
-    """The true model without the keys that say how large an effect is: those are for the simulator."""
+    """The true model without the keys that state the size of an effect, which only the simulator reads."""
     return [
         e if isinstance(e, str) else {k: v for k, v in e.items() if k not in ("value", "scale")}
         for e in arm.campaign.true_model["effects"]
@@ -83,17 +83,17 @@ def model_of(arm: KnownArm) -> list[Any]:
 
 
 def known(scenario: dict[str, Any], poses: int) -> KnownArm:
-    """The arm of a case, with the model that can carry all it has."""
+    """The arm of a case, with a model of all its effects."""
     arm = KnownArm.of({"seed": 11, "believed": BELIEVED, **scenario}, poses=poses)
     arm.model = {"effects": model_of(arm)}
     return arm
 
 
 def assert_known(arm: KnownArm, largest_left_m: float) -> None:
-    """Coefficients within 4 sigma, and the error at fresh poses within 5 % of what the bound promises."""
+    """Coefficients within 4 sigma, and the error at fresh poses within 5 % of the bound."""
     fit = arm.fit(seed=0)
     _, left = fit.projected_truth()
-    # Loads act on the geometry as it is: what is held of it, about 1 mm and 1 mrad, changes the sag by as much a metre.
+    # Loads act on the true geometry: the held part of it, about 1 mm and 1 mrad, changes the sag by as much per metre.
     allowed = largest_left_m + HELD_GEOMETRY * arm.sag().max()
     assert left.max() < allowed, "the model cannot stand where the real arm stands"
     off = np.abs(fit.deviations())
@@ -105,17 +105,17 @@ def assert_known(arm: KnownArm, largest_left_m: float) -> None:
     assert ratio < LARGEST_RATIO, f"{ratio:.3f} of the bound, {1e6 * bound:.2f} um"
 
 
-# Of those on the same arm, with springs in the same places, one each: the others are alike.
+# Cases on the same arm with springs in the same places are alike: the quick level has one.
 @pytest.mark.quick("parallelogram")
 @pytest.mark.parametrize("name", CASES)
-def test_effect_alone(name: str) -> None:
-    # What even the true values leave: second order of held parameters, and of the linkage's bars.
+def test_each_effect_alone_is_recovered(name: str) -> None:
+    # Distances that remain with the true values: second order of held parameters, and of the linkage's bars.
     linkage = name == "parallelogram"
     assert_known(known(CASES[name], poses=240), largest_left_m=1.5e-6 if linkage else 6e-7)
 
 
 @pytest.mark.full
-def test_all_effects_together() -> None:
+def test_all_effects_together_are_recovered() -> None:
     assert_known(known(TOGETHER, poses=600), largest_left_m=1e-6)
 
 
@@ -132,7 +132,7 @@ def test_warm_up_finds_its_time_constant() -> None:
             assert abs(p["value"] - expected) < SIGMAS * p["sigma"], p["name"]
 
 
-def test_gear_mesh_finds_a_ratio_that_nobody_knows() -> None:
+def test_gear_mesh_finds_an_unknown_ratio() -> None:
     hidden = {"effect": "gear_mesh", "joints": [3], "orders": [1], "ratio": 57.3}
     arm = known({"arm": "kr30", "hidden": [hidden]}, poses=240)
     arm.model = {
@@ -142,7 +142,7 @@ def test_gear_mesh_finds_a_ratio_that_nobody_knows() -> None:
     assert abs(cycles["value"] - 57.3) < SIGMAS * cycles["sigma"] < 0.05
 
 
-def test_gravity_balancer_from_no_initial_geometry() -> None:
+def test_gravity_balancer_is_fitted_without_initial_geometry() -> None:
     arm = known({"arm": "kr30", "hidden": ["gravity_balancer"]}, poses=240)
     arm.model = {"effects": [*BELIEVED, "gravity_balancer"]}
     fit = arm.fit(seed=0)
@@ -154,17 +154,17 @@ def test_gravity_balancer_from_no_initial_geometry() -> None:
 
 @pytest.mark.quick("table")
 @pytest.mark.parametrize("shape", ["waves", "table"])
-def test_tables_follow_what_no_formula_gives(shape: str) -> None:
+def test_tables_follow_errors_without_a_formula(shape: str) -> None:
     hidden = {"effect": "transmission_pwl", "joints": [1, 2, 3], "shape": shape}
     arm = known({"arm": "cobot", "hidden": [hidden]}, poses=1500)
     arm.model = {"effects": [*BELIEVED, {"effect": "transmission_pwl", "joints": [1, 2, 3]}]}
     without = KnownArm(arm.campaign, {"effects": BELIEVED}).fit(seed=0).fresh_errors()
     errors = arm.fit(seed=0).fresh_errors()
-    # Some 250 nodes seen by 4500 numbers: the table's own noise and the corners of what it follows.
+    # Some 250 nodes from 4500 numbers: the error is the table's own noise and the corners of the curve it follows.
     assert errors.mean() < 12e-6 < 0.2 * without.mean()
 
 
-def test_grid_takes_what_is_left() -> None:
+def test_residual_grid_more_than_halves_the_error() -> None:
     arm = known({"arm": "kr30", "hidden": [{"effect": "residual_grid", "size": 6e-5}]}, poses=600)
     arm.model = {"effects": [*BELIEVED, {"effect": "residual_grid", "nodes": [4, 4, 4]}]}
     without = KnownArm(arm.campaign, {"effects": BELIEVED}).fit(seed=0).fresh_errors()

@@ -12,9 +12,9 @@ def rows():
 
 
 @pytest.mark.full
-def test_geometry_alone_stands_where_the_paper_stands(rows):
+def test_geometry_alone_errs_as_much_as_in_the_paper(rows):
     assert rows["geometry"]["held_out_in_time"] == pytest.approx(PAPER["geometry"], rel=0.1)
 
 
-def test_the_unified_model_reaches_the_paper_s_figure(rows):
+def test_unified_model_reaches_the_figure_of_the_paper(rows):
     assert rows["unified"]["held_out_in_time"] <= PAPER["unified"]

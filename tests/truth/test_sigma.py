@@ -1,11 +1,11 @@
-"""Standard deviations are right: over repeated noise, what is estimated scatters as much as each fit says it does."""
+"""Standard deviations are right: over repeated noise, estimates scatter as much as each fit states."""
 
 from __future__ import annotations
 
 import pytest
 from repetitions import scatter
 
-# 20 of the 200 repetitions of `./dev bench`; the band is that of the mean of 30 correlated chi-squares of 20.
+# 20 of the 200 repetitions of `./dev bench`; the band: a mean of 30 correlated chi-squares of 20 degrees of freedom.
 REPETITIONS = 20
 
 
@@ -26,6 +26,6 @@ def test_estimates_scatter_as_stated(arm: str, hidden: list[str]) -> None:
 
 
 @pytest.mark.full
-def test_a_sigma_that_is_a_third_off_is_noticed() -> None:
+def test_sigma_a_third_off_is_detected() -> None:
     found = scatter("kr30", ["joint_compliance", "joint_scale"], REPETITIONS, pretend=0.7)
     assert found.mean_square > 1.5

@@ -1,4 +1,4 @@
-"""What answers before any work: help, version, completion, the words of the glossary, the catalogue of effects."""
+"""Commands that need no data: help, version, completion, glossary, and catalogue of effects."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HEAVY = ("numpy", "armtrue._core", "yaml", "can", "serial")
 
 
 @pytest.mark.parametrize("argument", ["--help", "--version"])
-def test_help_and_version_import_no_library_that_takes_long(argument):
+def test_help_and_version_import_no_slow_library(argument):
     script = (
         "import sys; sys.argv = ['armtrue', sys.argv[1]]\nfrom armtrue.cli import main\n"
         "try: main()\nexcept SystemExit: pass\n"
@@ -37,7 +37,7 @@ def test_help_lists_every_command_that_its_modules_add():
     assert isinstance(root, GuardedGroup)
     assert set(root.whole().commands) == set(root.homes)
     context = typer.Context(root)
-    assert [root.get_command(context, name) is not None for name in root.list_commands(context)]
+    assert all(root.get_command(context, name) is not None for name in root.list_commands(context))
 
 
 def test_completion_offers_commands_and_options():
@@ -56,7 +56,7 @@ def test_completion_offers_commands_and_options():
     assert "--model" in offered("armtrue fit --mo")
 
 
-def test_every_entry_of_the_glossary_is_found_by_its_name_and_in_the_plural():
+def test_every_glossary_entry_is_found_by_its_name_and_its_plural():
     entries = glossary.glossary()
     lines = Path(glossary.__file__).with_name("glossary.md").read_text().splitlines()
     assert len(entries) == sum(line.startswith("- ") for line in lines) > 30
@@ -66,7 +66,7 @@ def test_every_entry_of_the_glossary_is_found_by_its_name_and_in_the_plural():
         assert glossary.find(f"{name.upper()}s") == entries[name]
 
 
-def test_explain_says_what_a_word_means_and_refuses_with_the_nearest(tmp_path):
+def test_explain_defines_a_term_or_suggests_the_nearest_one(tmp_path):
     assert "between models" in armtrue("explain", "evidence", cwd=tmp_path).stdout
     assert "did not see the pose" in armtrue("explain", "held", "out", cwd=tmp_path).stdout
     assert armtrue("explain", "cross-validated", cwd=tmp_path).stdout.startswith("held out")
@@ -83,9 +83,9 @@ def test_every_effect_is_shown_with_formula_bound_and_source(tmp_path):
         lines = formulas(info)
         assert lines, info.id
         assert "+=" in lines[0], info.id
-        # Neither what rounding leaves of a zero nor signs one after another.
+        # No rounding residues in place of zero (1e-12 to 1e-19), and no "+ -".
         assert not re.search(r"\de-1[2-9]|\+ -", " ".join(lines)), (info.id, lines)
-        # The source itself, for docs/effects.md does not repeat it.
+        # The source itself, not a link: docs/effects.md does not repeat it.
         assert info.bound_and_source[1], info.id
         assert "docs/" not in info.bound, info.id
     run = armtrue("effects", "gear_harmonics", cwd=tmp_path)
@@ -95,7 +95,7 @@ def test_every_effect_is_shown_with_formula_bound_and_source(tmp_path):
         assert word in said
 
 
-def test_effects_that_depend_on_time_or_temperature_are_drawn_over_it():
+def test_sketch_of_an_effect_is_drawn_over_its_own_variables():
     from armtrue.sketching import sketch
 
     known = catalogue()
@@ -108,7 +108,7 @@ def test_effects_that_depend_on_time_or_temperature_are_drawn_over_it():
     assert sketch(known["joint_offset"]) == []
 
 
-def test_mistyped_effect_and_option_are_answered_with_the_nearest(tmp_path):
+def test_mistyped_effect_or_option_suggests_the_nearest_one(tmp_path):
     run = armtrue("effects", "gear_harmonic", cwd=tmp_path)
     assert (run.returncode, "did you mean 'gear_harmonics'" in run.stderr) == (2, True)
     run = armtrue("fit", "data.csv", "--robt", "robot.yaml", cwd=tmp_path)

@@ -1,4 +1,4 @@
-"""`armtrue init` on foreign layouts: from the files as they come to a first diagnosis, and no editor between."""
+"""`armtrue init` on foreign layouts: from exported files to a first diagnosis without editing any file."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def write(path: Path, lines: list[list[str]], separator: str = ",") -> Path:
 
 
 def dh_table(campaign: Path, path: Path) -> Path:
-    """The arm as people keep it: a semicolon table in millimetres and degrees."""
+    """Write the arm as users keep it: a DH table with semicolons, in millimetres and degrees."""
     joints = yaml.safe_load((campaign / "robot.yaml").read_text())["kinematics"]["joints"]
     lines = [["Joint", "a [mm]", "alpha [deg]", "d [mm]", "theta [deg]"]]
     for row in joints:
@@ -77,13 +77,13 @@ def to_first_diagnosis(where: Path, *arguments: str) -> dict[str, Any]:
     assert found.returncode == 0, found.stderr
     assert json.loads(found.stdout)["verdict"] == "missing_effect"
     fit = json.loads((where / "arm" / "fit.json").read_text())
-    # Geometry alone, on an arm whose springs nobody gave: better than the data sheet, and a spring is missing.
+    # The model is geometry alone, without springs: better than the data sheet, and a spring is missing.
     assert fit["error"]["held_out"]["mean_um"] < 0.9 * fit["error"]["nominal"]["mean_um"] < 4000.0
     return fit
 
 
 @pytest.mark.full
-def test_init_degrees_and_millimetres_with_words_of_an_instrument(tmp_path, campaign, rows):
+def test_init_reads_instrument_headers_in_degrees_and_millimetres(tmp_path, campaign, rows):
     header = ["Point ID", *(f"A{k} [deg]" for k in range(1, 7)), "X [mm]", "Y [mm]", "Z [mm]", "Temperature"]
     lines = [header]
     for number, row in enumerate(rows, start=1):
@@ -98,7 +98,7 @@ def test_init_degrees_and_millimetres_with_words_of_an_instrument(tmp_path, camp
     assert not (tmp_path / "arm" / "data.csv").exists()
 
 
-def test_init_semicolons_with_decimal_commas_and_a_german_clock(tmp_path, campaign, rows):
+def test_init_reads_semicolons_decimal_commas_and_german_times(tmp_path, campaign, rows):
     lines = [["Zeit", *(f"Achse {k}" for k in range(1, 7)), "Messung X", "Messung Y", "Messung Z"]]
     for number, row in enumerate(rows):
         clock = f"03.05.2026 {8 + number // 60:02d}:{number % 60:02d}:00"
@@ -110,7 +110,7 @@ def test_init_semicolons_with_decimal_commas_and_a_german_clock(tmp_path, campai
 
 
 @pytest.mark.full
-def test_init_wide_table_with_three_reflectors(tmp_path, campaign, rows):
+def test_init_reads_a_wide_table_with_three_reflectors(tmp_path, campaign, rows):
     robot = load_robot(campaign / "robot.yaml")
     chain = chain_from_robot(robot.spec)
     joints = np.array([[float(row[f"q{k}"]) for k in range(1, 7)] for row in rows])
@@ -128,13 +128,12 @@ def test_init_wide_table_with_three_reflectors(tmp_path, campaign, rows):
 
 
 @pytest.mark.full
-def test_init_joints_in_one_file_and_points_in_others_matched_by_number(tmp_path, campaign, rows):
+def test_init_joins_files_of_joints_and_points_by_pose_number(tmp_path, campaign, rows):
     order = np.random.default_rng(0).permutation(len(rows))
     log = [["Pose", *(f"actual_q_{k}" for k in range(6))]]
     log += [[str(n), *(rows[n][f"q{k}"] for k in range(1, 7))] for n in range(len(rows))]
     write(tmp_path / "controller.csv", log)
-    tracker = [["# SpatialAnalyzer export"], ["Target", "X", "Y", "Z"]]
-    tracker = [["Name", "X", "Y", "Z"], ["", "mm", "mm", "mm"]]
+    tracker = [["# SpatialAnalyzer export"], ["Name", "X", "Y", "Z"], ["", "mm", "mm", "mm"]]
     tracker += [[str(n), *millimetres(rows[n])] for n in order[: len(rows) - 15]]
     write(tmp_path / "tracker.csv", tracker)
     fit = to_first_diagnosis(
@@ -144,7 +143,7 @@ def test_init_joints_in_one_file_and_points_in_others_matched_by_number(tmp_path
 
 
 @pytest.mark.full
-def test_init_euler_angles_are_read_in_the_convention_that_follows_the_arm(tmp_path, campaign, rows):
+def test_init_finds_the_euler_convention_that_fits_the_arm(tmp_path, campaign, rows):
     robot = load_robot(campaign / "robot.yaml")
     chain = chain_from_robot(robot.spec)
     few = rows[:80]
@@ -178,7 +177,7 @@ def test_init_euler_angles_are_read_in_the_convention_that_follows_the_arm(tmp_p
 
 
 @pytest.mark.full
-def test_init_xlsx_with_a_title_above_the_table(tmp_path, campaign, rows):
+def test_init_reads_xlsx_with_a_title_above_the_table(tmp_path, campaign, rows):
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
     sheet = book.active
@@ -193,7 +192,7 @@ def test_init_xlsx_with_a_title_above_the_table(tmp_path, campaign, rows):
     assert fit["data"]["rows"] == len(rows)
 
 
-def test_init_repeated_poses_are_found_and_named(tmp_path, campaign, rows):
+def test_init_reports_and_labels_repeated_poses(tmp_path, campaign, rows):
     lines = [[*(f"q{k}" for k in range(1, 7)), "x1", "y1", "z1", "x2", "y2", "z2"]]
     for row in [*rows[:60], *rows[:20]]:
         lines.append(
@@ -230,9 +229,7 @@ def test_init_repeated_poses_are_found_and_named(tmp_path, campaign, rows):
         ({"a.csv": "a\0b,\0\n1,2\n"}, ["--robot", "ROBOT"], "a.csv: found bytes that are no text"),
     ],
 )
-def test_init_what_it_cannot_read_is_one_sentence_and_nothing_is_written(
-    tmp_path, campaign, files, options, words
-):
+def test_init_refuses_unreadable_input_and_writes_nothing(tmp_path, campaign, files, options, words):
     for name, text in files.items():
         (tmp_path / name).write_text(text)
     options = [str(campaign / "robot.yaml") if option == "ROBOT" else option for option in options]
@@ -243,7 +240,7 @@ def test_init_what_it_cannot_read_is_one_sentence_and_nothing_is_written(
     assert not (tmp_path / "arm").exists()
 
 
-def test_init_does_not_replace_what_stands_there(tmp_path, campaign):
+def test_init_does_not_overwrite_existing_files(tmp_path, campaign):
     for name in ("robot.yaml", "data.csv"):
         (tmp_path / name).write_bytes((campaign / name).read_bytes())
     (tmp_path / "dataset.yaml").write_text("kept")
@@ -252,8 +249,8 @@ def test_init_does_not_replace_what_stands_there(tmp_path, campaign):
     assert (tmp_path / "dataset.yaml").read_text() == "kept"
 
 
-def test_init_a_urdf_in_millimetres_is_said_to_be_so(tmp_path, campaign, rows):
-    """Its lengths are those at fault, and not the points, which are in metres."""
+def test_init_reports_a_urdf_that_is_in_millimetres(tmp_path, campaign, rows):
+    """The lengths of the URDF are wrong, not the points, which are in metres."""
     urdf = urdf_of(campaign / "robot.yaml", length=1000.0)
     (tmp_path / "mm.urdf").write_text(urdf.replace("</robot>", "<odd/></robot>"))
     lines = [[*(f"q{k}" for k in range(1, 7)), "x", "y", "z"]]
@@ -299,7 +296,7 @@ def test_init_reads_an_arm_on_a_rail_in_millimetres_and_degrees(tmp_path, campai
     assert check.returncode == 0, check.stdout
 
 
-def test_init_a_unit_that_a_joint_cannot_have_names_the_column_of_the_file(tmp_path, campaign, rows):
+def test_init_names_the_column_of_a_joint_with_a_wrong_unit(tmp_path, campaign, rows):
     lines = [["A1 [mm]", *(f"A{k} [deg]" for k in range(2, 7)), "X", "Y", "Z"]]
     lines += [[*joints_deg(row), *millimetres(row)] for row in rows]
     write(tmp_path / "data.csv", lines)

@@ -1,4 +1,4 @@
-"""The command plan end to end on a simulated arm: what it writes, what it says, how it refuses."""
+"""`armtrue plan` end to end on a simulated arm: its file, its text and its refusals."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def rows_of(path: Path) -> list[dict[str, float]]:
 
 
 @pytest.mark.full
-def test_a_first_campaign_is_written_and_said_beside_random_poses(folder):
+def test_first_campaign_is_compared_with_random_poses(folder):
     run = armtrue(
         *("plan", "--robot", "robot.yaml", "--model", "model.yaml", "--poses", "40", "--out", "poses.csv"),
         *("--levels", "payload=0,8,16", "--json", "plan.json"),
@@ -48,7 +48,7 @@ def test_a_first_campaign_is_written_and_said_beside_random_poses(folder):
     assert len(planned["eigenvalues_per_m2"]) == figures["unknowns"]
 
 
-def test_the_same_seed_gives_the_same_poses_and_another_one_others(folder):
+def test_same_seed_gives_same_poses_and_another_seed_does_not(folder):
     def poses(seed: str) -> str:
         run = armtrue(
             *("plan", "--robot", "robot.yaml", "--model", "model.yaml", "--poses", "10", "--out", "seed.csv"),
@@ -62,7 +62,7 @@ def test_the_same_seed_gives_the_same_poses_and_another_one_others(folder):
     assert poses("1") != poses("2")
 
 
-def test_poses_keep_to_the_box_and_the_limits(folder):
+def test_poses_stay_inside_the_box_and_the_joint_limits(folder):
     run = armtrue(
         *("plan", "--robot", "robot.yaml", "--model", "model.yaml", "--poses", "12", "--out", "boxed.csv"),
         *("--box", "0.5", "2.0", "-1.0", "1.0", "0.3", "1.5", "--choose-from", "400"),
@@ -80,7 +80,7 @@ def test_poses_keep_to_the_box_and_the_limits(folder):
     assert np.all((place > [0.5, -1.0, 0.3]) & (place < [2.0, 1.0, 1.5]))
 
 
-def test_candidates_named_are_told_apart_with_the_evidence_expected(folder):
+def test_poses_separate_named_candidates_better_than_random_ones(folder):
     run = armtrue(
         *("plan", "fit.json", "--candidates", "gear_harmonics:3", "joint_coupling:3,2"),
         *("--poses", "8", "--out", "apart.csv", "--json", "apart.json", "--choose-from", "1000"),
@@ -98,8 +98,8 @@ def test_candidates_named_are_told_apart_with_the_evidence_expected(folder):
 
 
 @pytest.mark.parametrize("instrument", ["tracker_scale", "tracker_angles"])
-def test_a_rival_that_is_the_instruments_needs_no_column(folder, instrument):
-    # It reads where the reflector is seen: "column x is missing" was said of poses that nobody has measured.
+def test_instrument_effect_as_candidate_needs_no_position_column(folder, instrument):
+    # The effect reads the reflector's position, which planned poses lack: plan failed with "column x is missing".
     run = armtrue(
         *(
             "plan",
@@ -120,7 +120,7 @@ def test_a_rival_that_is_the_instruments_needs_no_column(folder, instrument):
 
 
 @pytest.mark.full
-def test_the_ambiguity_set_is_the_diagnosis_own_and_said_with_its_figures(folder):
+def test_plan_prints_the_ambiguity_set_of_the_diagnosis(folder):
     diagnosed = armtrue("diagnose", "fit.json", "--json", "diagnosis.json", cwd=folder)
     assert diagnosed.returncode == 0, diagnosed.stderr
     lead = json.loads((folder / "diagnosis.json").read_text())["candidates"][0]
@@ -133,7 +133,7 @@ def test_the_ambiguity_set_is_the_diagnosis_own_and_said_with_its_figures(folder
     for rival in figures["ambiguity"]["rivals"]:
         assert rival["candidate"] in run.stdout
         assert f"(ΔBIC {rival['delta_bic']:+.0f})" in run.stdout
-    # A table follows the harmonics as well and needs more for it: decided, and said so, not passed over in silence.
+    # A table fits the harmonics too, but with more parameters: plan must print that the data decide this.
     assert "already prefers the first decisively" in run.stdout
     assert "separations" not in figures
     command = run.stdout.split("armtrue plan ")[1].split("--out")[0].split()
@@ -143,7 +143,7 @@ def test_the_ambiguity_set_is_the_diagnosis_own_and_said_with_its_figures(folder
     assert figures["candidates"] == ["gear_harmonics 3", "transmission_pwl 3"]
 
 
-def test_more_than_two_candidates_are_told_apart_pair_by_pair(folder):
+def test_three_candidates_are_separated_pair_by_pair(folder):
     run = armtrue(
         *("plan", "fit.json", "--candidates", "gear_harmonics:3", "joint_scale:3", "--also"),
         *("gear_mesh:3:cycles=13,26", "--poses", "5", "--out", "three.csv", "--json", "three.json"),
@@ -177,7 +177,7 @@ def warm(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("--levels", "temp_arm=18,24,30,36", "--levels", "time=0,900,9000"),
     ],
 )
-def test_rows_against_heat_can_be_run_one_after_the_other(warm, levels, seed):
+def test_poses_for_thermal_effects_are_in_a_feasible_order(warm, levels, seed):
     run = armtrue(
         *("plan", "fit.json", "--candidates", "thermal_expansion:1,2,3,4,5,6", "warm_up", "--poses", "15"),
         *("--out", "heat.csv", "--seed", seed, *levels),
@@ -193,7 +193,7 @@ def test_rows_against_heat_can_be_run_one_after_the_other(warm, levels, seed):
     assert all(a["time"] <= b["time"] for a, b in pairwise(rows))
     assert len({row["temp_arm"] for row in rows}) > 1
     assert changes("temp_arm") == len({row["temp_arm"] for row in rows}) - 1
-    # No temperature changes in no time.
+    # A change of temperature takes time: each time has one temperature.
     assert len({(row["temp_arm"], row["time"]) for row in rows}) == len({row["time"] for row in rows})
     stretches: dict[tuple[float, float], set[float]] = {}
     for row in rows:
@@ -217,12 +217,12 @@ PREFERENCES = {
 
 
 @pytest.mark.parametrize("case", PREFERENCES, ids=list(PREFERENCES))
-def test_what_the_data_prefer_is_said_by_the_number(case):
+def test_preference_wording_follows_delta_bic(case):
     delta_bic, misfit, table, words = PREFERENCES[case]
     assert words in preference(Rival("warm_up", {"effect": "warm_up"}, delta_bic, misfit, table))
 
 
-def test_the_open_set_is_what_the_data_do_not_decide():
+def test_open_set_excludes_decided_rivals_and_tables():
     def rival(name: str, delta_bic: float | None, misfit: float | None, *, table: bool = False) -> Rival:
         return Rival(name, {"effect": name}, delta_bic, misfit, table)
 
@@ -246,7 +246,7 @@ def outlook_of(expected: float, now: float = 0.0) -> str | None:
     return outlook({"truth": "A", "rival": "B", "delta_bic_now": now, "delta_bic_expected": expected})
 
 
-def test_what_poses_are_expected_to_tell_is_said_by_the_number():
+def test_outlook_wording_follows_expected_delta_bic():
     assert outlook_of(-30.0) is None
     assert outlook_of(-0.3) is None
     assert "about as good (ΔBIC -4)" in str(outlook_of(-4.0))
@@ -273,7 +273,7 @@ def decision(now: float, expected: tuple[float, float]) -> str:
     return sentence
 
 
-def test_a_plan_says_whether_its_poses_decide_or_the_measurements_did_already():
+def test_plan_states_whether_poses_or_existing_data_decide():
     assert decision(-2.0, (-30.0, -25.0)).startswith("These 8 poses decide between A and B: whichever")
     assert decision(-2.0, (-8.0, -4.0)).startswith("These 8 poses help to decide between A and B: whichever")
     assert decision(-2.0, (-8.0, 4.0)).startswith("These 8 poses cannot decide between A and B")
@@ -288,7 +288,7 @@ def test_a_plan_says_whether_its_poses_decide_or_the_measurements_did_already():
     assert "with 99.3 %, which" in decision(-10.0, (-12.0, 8.0))
 
 
-def test_candidates_are_read_as_the_diagnosis_names_them_and_as_a_shell_takes_them():
+def test_candidates_are_read_in_diagnosis_and_in_shell_spelling():
     cases = {
         "warm_up": ("warm_up", {"effect": "warm_up"}),
         "gear_harmonics 3": ("gear_harmonics:3", {"effect": "gear_harmonics", "joints": [3]}),
@@ -321,7 +321,7 @@ def test_candidates_are_read_as_the_diagnosis_names_them_and_as_a_shell_takes_th
             entry_of(text)
 
 
-def test_sharpening_tells_more_than_the_fit_knows(folder):
+def test_sharpen_lowers_prediction_error_more_than_random_poses(folder):
     run = armtrue(
         *("plan", "fit.json", "--sharpen", "--poses", "10", "--out", "sharp.csv", "--json", "sharp.json"),
         *("--choose-from", "500"),
@@ -329,8 +329,10 @@ def test_sharpening_tells_more_than_the_fit_knows(folder):
     )
     assert run.returncode == 0, run.stderr
     information = json.loads((folder / "sharp.json").read_text())["information"]
-    errors = [information[key]["prediction_rms_um"] for key in ("present", "random", "planned")]
-    assert errors == sorted(errors, reverse=True)
+    present, random, planned = (
+        information[key]["prediction_rms_um"] for key in ("present", "random", "planned")
+    )
+    assert planned < random < present
 
 
 REFUSED = {
@@ -372,7 +374,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED, ids=list(REFUSED))
-def test_bad_input_gets_one_sentence_and_nothing_is_written(folder, case):
+def test_bad_input_is_refused_in_one_sentence_without_output_file(folder, case):
     arguments, named = REFUSED[case]
     run = armtrue("plan", *arguments, "--out", "refused.csv", cwd=folder)
     assert run.returncode == 2, run.stdout + run.stderr
@@ -382,14 +384,14 @@ def test_bad_input_gets_one_sentence_and_nothing_is_written(folder, case):
 
 
 def fitted_campaign(folder, **scenario):
-    """Write a campaign with nothing hidden, and its fit.json, into `folder`; `scenario`: what else it is."""
+    """Write a campaign without hidden effects, and its fit.json, into `folder`; `scenario`: further keys of it."""
     base = {"arm": "kr30", "seed": 5, "poses": 60, "repeats": {}, "hidden": []}
     armtrue_sim.simulate(base | scenario).write(folder)
     made = armtrue(*FIT, "--out", "fit.json", cwd=folder)
     assert made.returncode == 0, made.stderr
 
 
-def test_poses_say_which_reflector_they_are_for(tmp_path):
+def test_planned_poses_name_their_reflector(tmp_path):
     fitted_campaign(tmp_path, targets={"names": ["B", "A"], "order": "cycle"})
     run = armtrue(
         *("plan", "fit.json", "--sharpen", "--poses", "4", "--choose-from", "300", "--out", "p.csv"),
@@ -399,12 +401,12 @@ def test_poses_say_which_reflector_they_are_for(tmp_path):
     assert "4 poses of reflector B" in run.stdout
     with (tmp_path / "p.csv").open(encoding="utf-8") as file:
         assert [row["target"] for row in csv.DictReader(file)] == ["B"] * 4
-    # The file is one that every command reads.
+    # Other commands can read the file of poses.
     predicted = armtrue("predict", "fit.json", "p.csv", "--out", "predicted.csv", cwd=tmp_path)
     assert predicted.returncode == 0, predicted.stderr
 
 
-def test_a_first_campaign_is_for_the_first_of_the_reflectors_that_robot_yaml_names(folder, tmp_path):
+def test_first_campaign_uses_the_first_tool_of_robot_yaml(folder, tmp_path):
     robot = yaml.safe_load((folder / "robot.yaml").read_text())
     robot["tools"] = {"low": robot.pop("tool"), "high": {"xyz": [0.0, 0.0, 0.4]}}
     (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot, sort_keys=False))
@@ -417,7 +419,7 @@ def test_a_first_campaign_is_for_the_first_of_the_reflectors_that_robot_yaml_nam
     assert "5 poses of reflector low" in run.stdout
 
 
-def test_torques_that_were_measured_are_not_known_at_poses_to_come(tmp_path):
+def test_plan_refuses_measured_torques_if_link_masses_are_missing(tmp_path):
     fitted_campaign(tmp_path, columns={"add": ["tau"]}, robot_file={"omit": ["links"]})
     run = armtrue(
         *("plan", "fit.json", "--candidates", "backlash:2", "gear_harmonics:2", "--poses", "4"),
@@ -430,7 +432,7 @@ def test_torques_that_were_measured_are_not_known_at_poses_to_come(tmp_path):
     assert len(run.stderr.strip().splitlines()) == 1
 
 
-def test_a_model_that_reads_directions_asks_for_their_levels(folder):
+def test_model_with_backlash_needs_levels_of_the_direction(folder):
     (folder / "backlash.yaml").write_text(
         "effects: [base_frame, tool_offset, {effect: backlash, joints: [2]}]\n"
     )
