@@ -1,4 +1,4 @@
-"""Which tests every change runs, and which `./dev test full` alone."""
+"""Marks the test cases that only `./dev test full` runs."""
 
 from collections import defaultdict
 
@@ -7,9 +7,10 @@ import pytest
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Of a test marked `quick`, mark each case `full` whose id the mark does not name.
+    """Of each test marked `quick`, mark as `full` the cases whose ids the mark does not name.
 
-    An id that no case has ends the run, or a case that was renamed would silently leave `./dev test`.
+    If the mark names an id that no case has, the run ends with an error: otherwise `./dev test` would silently omit a
+    case that was renamed.
     """
     unknown: dict[str, set[str]] = defaultdict(set)
     cases: dict[str, set[str]] = defaultdict(set)
@@ -23,7 +24,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if case not in quick.args:
             item.add_marker(pytest.mark.full)
     if any("::" in argument for argument in config.args):
-        return  # only some cases were asked for: a named one may be among those that were not
+        return  # single cases were requested, so a named case may be missing here
     for test, named in unknown.items():
         if missing := named - cases[test]:
             raise pytest.UsageError(f"{test}: quick names {sorted(missing)}, which no case has")

@@ -1,5 +1,5 @@
-# armtrue_arm_image(NAME STARTUP SOURCES...): a bare-metal executable NAME.elf with NAME.bin, NAME.hex and NAME.map
-# beside it, linked with the startup library and linker script of STARTUP (stm32f405_startup, ...).
+# armtrue_arm_image(NAME STARTUP SOURCES...): adds a bare-metal executable NAME.elf, linked with the startup library and
+# linker script of STARTUP (stm32f405_startup, ...). NAME.bin, NAME.hex and NAME.map are written beside it.
 function(armtrue_arm_image name startup)
   add_executable(${name} ${ARGN})
   set_target_properties(${name} PROPERTIES SUFFIX ".elf" RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/images)

@@ -1,7 +1,7 @@
-# What the wheel links, chosen so that it may be passed on under any licence and is quick on any processor:
-# - Ceres from Debian's source package without SuiteSparse, CXSparse, LAPACK, glog and gflags (Debian's libceres.a brings
-#   in CHOLMOD, parts of which are under the GPL). `./dev wheel` fetches the source; an sdist holds it.
-# - OpenBLAS as PyPI's scipy-openblas32 has it, with names that begin with scipy_.
+# Libraries that the wheel links, chosen so that it may be distributed under any licence and is fast on any processor:
+# - Ceres from Debian's source package without SuiteSparse, CXSparse, LAPACK, glog and gflags. (Debian's libceres.a
+#   links CHOLMOD, parts of which are under the GPL.) `./dev wheel` fetches the source; an sdist contains it.
+# - OpenBLAS from PyPI's scipy-openblas32, whose symbols begin with scipy_.
 set(ceres_version 2.1.0)
 set(ceres_archive ${PROJECT_SOURCE_DIR}/.cache/sdist/ceres-solver_2.1.0+really2.1.0+dfsg.orig.tar.xz)
 set(ceres_sha256 acd5774187a8ea92bdf9e6d1faeb22c00bf30b1ad226ef6e2ade8b7636bbc336)
@@ -19,7 +19,7 @@ if(NOT EXISTS ${ceres_dir}/lib/libceres.a)
   file(ARCHIVE_EXTRACT INPUT ${ceres_archive} DESTINATION ${work})
   file(GLOB source LIST_DIRECTORIES true ${work}/ceres-solver*)
   message(STATUS "Compiling Ceres ${ceres_version} (one to two minutes, once)")
-  # SCHUR_SPECIALIZATIONS: a hundred files for bundle adjustment, which the fitter does not do.
+  # SCHUR_SPECIALIZATIONS is off: it compiles a hundred files for bundle adjustment, which the fitter does not use.
   execute_process(
     COMMAND ${CMAKE_COMMAND} -G Ninja -S ${source} -B ${work}/build -DCMAKE_BUILD_TYPE=Release
             -DCMAKE_C_COMPILER=${CMAKE_C_COMPILER} -DCMAKE_CXX_COMPILER=${CMAKE_CXX_COMPILER}
@@ -39,8 +39,8 @@ execute_process(COMMAND ${Python_EXECUTABLE} -c "import scipy_openblas32 as b; p
 string(REPLACE " " "/" openblas "${openblas}")
 add_library(armtrue_openblas INTERFACE)
 target_link_libraries(armtrue_openblas INTERFACE ${openblas})
-# The names of the BLAS and LAPACK routines that are called, from the one file that declares them: with a name missing here the
-# module links, and cannot be imported.
+# The names of the BLAS and LAPACK routines that are called, read from the one file that declares them. If a name were
+# missing here, the module would link, but Python could not import it.
 file(STRINGS ${PROJECT_SOURCE_DIR}/fitter/common/dense.cc declared REGEX "^void [a-z0-9]+_\\(")
 list(TRANSFORM declared REPLACE "^void ([a-z0-9]+_)\\(.*" "\\1")
 foreach(name ${declared} openblas_set_num_threads)

@@ -31,7 +31,7 @@ class QemuError(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """What one run of a test image gave: exit status, what it printed, and its output file."""
+    """Result of one run of a test image: exit status, printed text, output file."""
 
     status: int
     printed: str
@@ -91,8 +91,8 @@ def instructions_by_function(
 ) -> dict[str, int]:
     """Executed instructions per function (linker symbol) over a whole run of a test image, most first.
 
-    Every instruction is logged (about 80 bytes each), so give it a short input: it answers where the
-    instructions go, `InstructionCounter` how many there are.
+    Every instruction is logged (about 80 bytes each), so use a short input. This function shows where the
+    instructions are spent; `InstructionCounter` counts them.
     """
     with tempfile.TemporaryDirectory() as folder:
         source, sink, log = (pathlib.Path(folder, name) for name in ("in", "out", "log"))
@@ -120,7 +120,7 @@ class Board:
 
 @contextlib.contextmanager
 def _ended_here(process: subprocess.Popen[str]) -> Iterator[None]:
-    """End the emulator with the block. One that ended by itself fails the block, with its own last words."""
+    """End the emulator when the block ends; raise QemuError with its stderr if it had ended by itself."""
     try:
         yield
     finally:
@@ -137,11 +137,11 @@ def board(
 ) -> Iterator[Board]:
     """Run a product image that speaks SLCAN; each of its first serial ports is a TCP server on this machine.
 
-    The image runs in real time (no instruction counting), answers on every port, and is ended with the block.
+    The image runs in real time (no instruction counting), answers on every port, and is ended when the block ends.
     """
     command = ["qemu-system-arm", "-M", machine, "-kernel", str(elf), "-display", "none", "-monitor", "none"]
     with contextlib.ExitStack() as ours:
-        # The emulator is given sockets that listen already: nobody takes a port in between, nobody has to wait for one.
+        # The emulator inherits listening sockets: no other process can take a port, and clients need not wait for one.
         listeners = [ours.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(serial_ports)]
         ports = tuple(int(listener.getsockname()[1]) for listener in listeners)
         for number, listener in enumerate(listeners):
@@ -164,7 +164,7 @@ def board(
 
 
 def _wait_for_slcan(port: int, timeout_s: float = 180.0) -> None:
-    """Until an SLCAN adapter on a TCP port says its version; a board that has yet to boot drops what it is sent."""
+    """Wait until the SLCAN adapter on a TCP port reports its version; a booting board drops what it receives."""
     with socket.create_connection(("127.0.0.1", port), timeout=0.5) as line:
         said = b""
         deadline = time.monotonic() + timeout_s
@@ -177,7 +177,7 @@ def _wait_for_slcan(port: int, timeout_s: float = 180.0) -> None:
                     break  # the emulator ended
                 continue
             if said:
-                return  # and said no more
+                return  # nothing more follows
     raise QemuError(f"the board did not answer on its serial port within {timeout_s} s; it said {said!r}")
 
 
@@ -213,7 +213,7 @@ class QemuMonitor:
         return line
 
     def call(self, command: str, **arguments: Any) -> Any:
-        """Execute one command; returns its result, raises QemuError with QEMU's words."""
+        """Execute one command; returns its result, raises QemuError with QEMU's message."""
         self._lines.write(json.dumps({"execute": command, "arguments": arguments}) + "\n")
         self._lines.flush()
         while True:
@@ -224,23 +224,23 @@ class QemuMonitor:
                 return answer["return"]
 
     def close(self) -> None:
-        """Leave the emulator running, unattended."""
+        """Close the connection; the emulator keeps running."""
         self._lines.close()
         self._socket.close()
 
 
-# Where the application cores wait (wfi; b .-4): they would execute the real-time core's image as their own.
+# A loop (wfi; b .-4) for the application cores: else they would execute the real-time core's image as their own.
 _PARKED_AT = 0x07F00000
 _PARKED_CODE = 0x17FFFFFF_D503207F
 
-# The board's display port would look for a sound card in QEMU 7.2. (11.1 refuses an -audiodev that the machine
-# does not name, which 7.2 cannot.)
+# In QEMU 7.2 the board's display port looks for a sound card. (QEMU 11.1 refuses an -audiodev that the machine
+# does not name; in 7.2 the machine cannot name one.)
 _SILENT = os.environ | {"QEMU_AUDIO_DRV": "none"}
 
 
 @dataclasses.dataclass(frozen=True)
 class WaysIn:
-    """How often the image's CAN handlers ran since it started, by what called them (`armtrue_ways_in`)."""
+    """How often the image's CAN handlers ran since its start, by caller (`armtrue_ways_in`)."""
 
     can0_interrupts: int
     can1_interrupts: int

@@ -1,7 +1,7 @@
-"""Bad input, through the command line as people use it: one clear sentence, exit status 2, nothing written.
+"""Bad input to the command line: one error sentence, exit status 2, no file written.
 
-Each case is a good set of files with one thing wrong. `names`: words that the sentence must hold: the file, the row or
-key, what was found, what was expected.
+Each case is a good set of files with one thing wrong. `names`: words that the sentence must contain: the file, the row
+or key, what was found, what was expected.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ KEPT = "what stood here before\n"
 
 
 def tool_point(q: np.ndarray) -> np.ndarray:
-    """Craig's modified DH, row by row, with a tool point that no file mentions; [m]."""
+    """Tool point [m] by Craig's modified DH, row by row; no file states its offset from the flange."""
     pose = np.eye(4)
     for (a, quarter_alpha, d, quarter_offset), angle in zip(DH, q, strict=True):
         alpha, theta = quarter_alpha * np.pi / 2, angle + quarter_offset * np.pi / 2
@@ -117,7 +117,7 @@ def replaced(found: str, put: str) -> Callable[[str], str]:
 
 @dataclass(frozen=True)
 class Case:
-    """What to do to the good files, and what the sentence must name. A change to None takes the file away."""
+    """Changes to the good files, and words that the sentence must name. A change that returns None deletes the file."""
 
     name: str
     names: list[str]
@@ -311,7 +311,7 @@ def assert_one_sentence(run: subprocess.CompletedProcess[str], names: list[str])
 FIT = ("fit", "data.csv", "--robot", "robot.yaml", "--model", "model.yaml", "--out", "fit.json")
 
 
-def test_the_good_files_are_good(tmp_path: Path) -> None:
+def test_fit_accepts_the_unchanged_files(tmp_path: Path) -> None:
     write(tmp_path, Case("good", []))
     run = armtrue(*FIT, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
@@ -319,7 +319,7 @@ def test_the_good_files_are_good(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_fit_refuses(tmp_path: Path, case: Case) -> None:
+def test_fit_refuses_bad_files(tmp_path: Path, case: Case) -> None:
     write(tmp_path, case)
     (tmp_path / "fit.json").write_text(KEPT)
     before = sorted(path.name for path in tmp_path.iterdir())
@@ -384,14 +384,14 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("compare figures.json data.csv", ["figures.json", "error.train"]),
     ],
 )
-def test_other_commands_refuse(fitted: Path, arguments: str, names: list[str]) -> None:
+def test_other_commands_refuse_bad_input(fitted: Path, arguments: str, names: list[str]) -> None:
     before = sorted(path.name for path in fitted.iterdir())
     assert_one_sentence(armtrue(*arguments.split(), cwd=fitted), names)
     assert (fitted / "kept").read_text() == KEPT
     assert sorted(path.name for path in fitted.iterdir()) == before
 
 
-def test_a_wrong_option_ends_with_status_2(tmp_path: Path) -> None:
+def test_unknown_option_ends_with_status_2(tmp_path: Path) -> None:
     run = armtrue("fit", "--no-such-option", cwd=tmp_path)
     assert run.returncode == 2
     assert "--no-such-option" in run.stderr

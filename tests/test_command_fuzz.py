@@ -1,4 +1,4 @@
-"""Damaged calls of every command (fuzz/fuzz_commands.py): a few in each run, two minutes of them in the full one."""
+"""Damaged calls of every command (fuzz/fuzz_commands.py): 12 in each run, two minutes of them in the full test."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ HARNESS = Path(__file__).parent / "fuzz" / "fuzz_commands.py"
 
 
 def run(*arguments: str, timeout: float) -> str:
-    """What the harness says; it must find no fault and have tried something."""
+    """Run the harness, which must exit with status 0; returns its output."""
     command = [sys.executable, str(HARNESS), *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=timeout)
     assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]

@@ -1,4 +1,4 @@
-"""Faults that `./dev mutants` puts into C++, and how long it lets one run."""
+"""C++ faults that `./dev mutants` injects, and the time limit of each run."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def program(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("script", "outcome"),
     [
-        ("sleep 3", "survived"),  # a loaded machine: time passes, little of it is the program's
+        ("sleep 3", "survived"),  # a loaded machine: the program gets little processor time
         ("while :; do :; done", "timed out"),
         ("exit 1", "killed"),
     ],
@@ -52,8 +52,8 @@ def test_program_that_fails_without_a_fault_is_refused(tmp_path: Path, program: 
         cpp_mutants.measured_limits(tmp_path, {"some_test"})
 
 
-def test_constants_of_the_compiler_are_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The compiler folds a constant before any switch is asked: its mutants could not be noticed."""
+def test_compile_time_constants_are_not_mutated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The compiler folds constants before a mutant's switch is read, so no test could detect such a mutant."""
     monkeypatch.setattr(cpp_mutants, "ROOT", tmp_path)
     (tmp_path / "a.cc").write_text(
         "const int kA[] = {\n    0x4cc5, 2U,\n};\nint f(int a) {\n  a = multiply<30>(a);\n  return a + 2;\n}\n"
@@ -62,10 +62,10 @@ def test_constants_of_the_compiler_are_left_alone(tmp_path: Path, monkeypatch: p
     assert {mutant.line for mutant in cpp_mutants.mutants_of("a.cc")} == {6}
 
 
-def test_brackets_of_a_mutant_do_not_regroup_the_line(
+def test_brackets_of_a_mutant_keep_operator_precedence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """`a == (0 && b)` is a fault of its own, also with the switch off."""
+    """Bracketing `0 && b` would change the line to `a == (0 && b)` even with the mutant switched off."""
     monkeypatch.setattr(cpp_mutants, "ROOT", tmp_path)
     (tmp_path / "a.cc").write_text("bool f(int a, bool b) {\n  return a == 0 && b;\n}\n")
     assert {mutant.whole[mutant.begin : mutant.end] for mutant in cpp_mutants.mutants_of("a.cc")} == {

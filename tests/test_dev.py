@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-# Installing and building are not what is tested here.
+# Installing and building are not tested here.
 STUBS = "install_packages() { :; }\nensure_venv() { :; }\nconfigure() { :; }\nbuild_preset() { :; }\n"
 
 

@@ -1,4 +1,4 @@
-"""What the documentation shows must work: every YAML and Python block of docs/files.md, and docs/examples."""
+"""The examples of the documentation work: every YAML and Python block of docs/files.md, and docs/examples."""
 
 from __future__ import annotations
 
@@ -41,20 +41,20 @@ def robot(tmp_path: Path) -> Robot:
     return load_robot(tmp_path / "robot.yaml")
 
 
-def test_the_robot_of_the_page_loads(robot: Robot) -> None:
+def test_robot_yaml_of_files_md_loads(robot: Robot) -> None:
     assert robot.joint_count == 3
     assert robot.spec["serial"] == "12345"
     assert robot.spec["linkage"]["angle"] == 1.67
 
 
-def test_the_urdf_of_the_page_loads(tmp_path: Path) -> None:
+def test_urdf_robot_of_files_md_loads(tmp_path: Path) -> None:
     (block,) = blocks("yaml", "kinematics: {urdf")
     (tmp_path / "arm.urdf").write_text(URDF)
     (tmp_path / "robot.yaml").write_text(block)
     assert [joint["gear_ratio"] for joint in load_robot(tmp_path / "robot.yaml").joints] == [101, 101, 121]
 
 
-def test_the_models_of_the_page_load(tmp_path: Path, robot: Robot) -> None:
+def test_model_yaml_of_files_md_loads(tmp_path: Path, robot: Robot) -> None:
     (effects,) = blocks("yaml", "effects:")
     (parameters,) = blocks("yaml", "parameters:")
     (instrument,) = blocks("yaml", "instrument:")
@@ -70,7 +70,7 @@ def test_the_models_of_the_page_load(tmp_path: Path, robot: Robot) -> None:
     }
 
 
-def test_the_dataset_of_the_page_reads_a_file_of_its_form(tmp_path: Path, robot: Robot) -> None:
+def test_dataset_yaml_of_files_md_reads_a_file_of_its_format(tmp_path: Path, robot: Robot) -> None:
     (block,) = blocks("yaml", "file:")
     mapped = block.replace("  x: {", "  q3: J3\n  y: PY\n  z: PZ\n  x: {")
     (tmp_path / "dataset.yaml").write_text(mapped)
@@ -89,7 +89,7 @@ def test_the_dataset_of_the_page_reads_a_file_of_its_form(tmp_path: Path, robot:
 
 @pytest.fixture(scope="module")
 def notebook(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """Every name that the page's notebook has after its last block, run in a folder of its own."""
+    """All names after running the Python blocks of docs/files.md in order, in a temporary folder."""
     import armtrue_sim
 
     folder = tmp_path_factory.mktemp("notebook")
@@ -103,7 +103,7 @@ def notebook(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 @pytest.mark.full  # the example notebook runs the same functions
-def test_the_notebook_of_the_page_runs(notebook: dict[str, Any]) -> None:
+def test_python_blocks_of_files_md_run(notebook: dict[str, Any]) -> None:
     assert (notebook["folder"] / "fit.json").exists()
     assert (notebook["folder"] / "report.html").exists()
     assert notebook["found"].recommended["effect"] == "backlash"
@@ -112,7 +112,7 @@ def test_the_notebook_of_the_page_runs(notebook: dict[str, Any]) -> None:
 
 
 @pytest.mark.full
-def test_every_key_of_a_diagnosis_is_in_the_pages_table(notebook: dict[str, Any]) -> None:
+def test_files_md_lists_every_key_of_a_diagnosis(notebook: dict[str, Any]) -> None:
     table = FILES[FILES.index("Keys of a diagnosis:") : FILES.index("The steps of a `Refinement`")]
     named = set(re.findall(r"`(\w+)`", table))
     found = notebook["found"]
@@ -123,8 +123,8 @@ def test_every_key_of_a_diagnosis_is_in_the_pages_table(notebook: dict[str, Any]
 
 
 @pytest.mark.parametrize("series", ["a", "c"])
-def test_the_ur10_descriptions_read_a_file_of_that_form(tmp_path: Path, series: str) -> None:
-    """Not the published measurements, which are not in this repository: two rows with their headers and forms."""
+def test_ur10_dataset_yaml_reads_a_file_of_its_format(tmp_path: Path, series: str) -> None:
+    """Two rows with the header and number format of the published measurements, which are not in this repository."""
     robot = load_robot(DOCS / "examples" / "ur10-leica" / "robot.yaml")
     text = (DOCS / "examples" / "ur10-leica" / f"series_{series}.yaml").read_text()
     (tmp_path / "dataset.yaml").write_text(re.sub(r"^file: .*$", "file: rows.csv", text, flags=re.MULTILINE))
@@ -160,7 +160,7 @@ def test_commands_of_the_installation_page_exist() -> None:
         assert {word for word in words if word.startswith("--")} <= known, words
 
 
-# (CHANGELOG.md may name what has gone.)
+# (CHANGELOG.md may name removed files.)
 PAGES = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
@@ -169,17 +169,17 @@ PAGES = [
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_files_that_a_page_names_exist(page: Path) -> None:
+def test_files_named_by_a_page_exist(page: Path) -> None:
     text = page.read_text()
     named = re.findall(r"`((?:docs|fitter|firmware|host_tools|sim|tests|tools)/[\w./-]+)`", text)
-    # The guide's reader writes that file.
+    # The reader of docs/adding-an-effect.md writes belt_stretch.cc.
     missing = [name for name in named if not (ROOT / name).exists() and "belt_stretch" not in name]
     links = [link for link in re.findall(r"\]\((?!https?:|#|mailto:)([^)#]+)", text) if " " not in link]
     assert missing + [link for link in links if not (page.parent / link).exists()] == []
 
 
-def test_commands_of_the_examples_page_find_what_is_hidden(tmp_path: Path) -> None:
-    """Every command of the page in its folder, as a person types it."""
+def test_examples_page_commands_find_the_hidden_effect(tmp_path: Path) -> None:
+    """Runs every command of the page in the example's folder."""
     page = (DOCS / "examples" / "README.md").read_text()
     shutil.copytree(DOCS / "examples" / "kr30-eccentric-gear", tmp_path / "example")
     commands = [line.split() for line in page.splitlines() if line.startswith("    armtrue ")]
@@ -199,7 +199,7 @@ def test_commands_of_the_examples_page_find_what_is_hidden(tmp_path: Path) -> No
     assert "Recommended: gear_harmonics [3]" in said
 
 
-def test_the_example_notebook_runs_and_every_result_has_a_form_of_its_own(
+def test_example_notebook_runs_and_its_results_render_as_html(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(DOCS / "examples/kr30-eccentric-gear", tmp_path / "tour")

@@ -1,4 +1,4 @@
-"""An effect is one file: no other line of the product compares with its name."""
+"""An effect is one file: no other product file contains its id as a string."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armtrue import _core
 
 ROOT = Path(__file__).resolve().parents[1]
 IDS = {effect["id"] for effect in json.loads(_core.effects())}
-# Words that are names of other things too: a linkage's kind in robot.yaml, the role of a user's own effect, columns.
+# Ids that are also names of other things: a linkage's kind in robot.yaml, the role of a user's own effect, columns.
 OTHERWISE = {"parallelogram", "custom", "station", "nest"}
 NAMED = re.compile(r"""["']([a-z_]+)["']""")
 
@@ -26,7 +26,7 @@ def product_files() -> Iterator[Path]:
 
 
 def named_in(text: str) -> list[tuple[int, str]]:
-    """(line, effect) of every effect's id that stands as a string."""
+    """(line, effect) of every effect id that appears as a string."""
     return [
         (number, name)
         for number, line in enumerate(text.splitlines(), 1)
@@ -35,7 +35,7 @@ def named_in(text: str) -> list[tuple[int, str]]:
     ]
 
 
-def test_the_search_sees_an_id() -> None:
+def test_named_in_finds_a_quoted_id() -> None:
     assert named_in('x\nif (p.effect == "gear_mesh") return 1;') == [(2, "gear_mesh")]
 
 

@@ -1,6 +1,6 @@
-"""A minute of fuzzing over all readers: from the committed corpus, nothing but InputError may escape.
+"""A minute of fuzzing over all readers, from the committed corpus: they may raise InputError only.
 
-The harness runs on its own as well, for as long as wanted: tests/fuzz/fuzz_readers.py.
+The harness also runs on its own, for any time: tests/fuzz/fuzz_readers.py.
 """
 
 from __future__ import annotations

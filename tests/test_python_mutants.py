@@ -27,5 +27,5 @@ from python_mutants import changes_of
         ('"""1 + 1"""', []),
     ],
 )
-def test_fault_stands_where_it_can_be_executed(line: str, changed: list[str]) -> None:
+def test_only_executable_code_is_mutated(line: str, changed: list[str]) -> None:
     assert [after for _, _, after in changes_of(line)] == changed

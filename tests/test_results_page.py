@@ -1,5 +1,5 @@
-"""tools/into_results.py writes what a command prints between the markers of its name in docs/results.md or
-docs/effects.md, and leaves the page as it was where the command fails or prints nothing."""
+"""tools/into_results.py writes the output of a command between the markers of its section in docs/results.md or
+docs/effects.md, and leaves the page unchanged if the command fails or prints nothing."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def checkout(tmp_path: Path) -> Path:
 
 
 def keep(checkout: Path, name: str, printed: str, then: str = "") -> subprocess.CompletedProcess[str]:
-    """Keep what a command prints that then does something more."""
+    """Run into_results.py on a command that prints `printed` and then executes `then`."""
     program = f"import sys; print({printed!r}, end='', flush=True)\n{then}"
     command = [sys.executable, str(checkout / "tools/into_results.py"), name, sys.executable, "-c", program]
     return subprocess.run(command, capture_output=True, text=True, check=False)
@@ -38,14 +38,14 @@ def page_of(checkout: Path) -> str:
     return (checkout / "docs/results.md").read_text(encoding="utf-8")
 
 
-def test_a_section_is_replaced_once_and_the_rest_stays(checkout: Path) -> None:
+def test_repeated_run_replaces_only_the_named_section(checkout: Path) -> None:
     for _ in range(2):
         assert keep(checkout, "a", "| new |\n").stdout == "| new |\n"
     expected = "# Results\n<!-- a: begin -->\n| new |\n<!-- a: end -->\nbetween\n<!-- b: begin -->\n<!-- b: end -->\n"
     assert page_of(checkout) == expected
 
 
-def test_a_section_of_the_other_page_is_kept_there(checkout: Path) -> None:
+def test_section_of_effects_md_is_written_there(checkout: Path) -> None:
     before, other = page_of(checkout), checkout / "docs/effects.md"
     other.write_text("# Effects\n<!-- c: begin -->\n<!-- c: end -->\n", encoding="utf-8")
     assert keep(checkout, "c", "| new |\n").returncode == 0
@@ -54,7 +54,7 @@ def test_a_section_of_the_other_page_is_kept_there(checkout: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "printed", "status"), [("c", "| new |\n", 2), ("a", "\n", 1)])
-def test_what_has_no_place_or_is_empty_leaves_the_page(
+def test_unknown_section_or_empty_output_leaves_the_page(
     checkout: Path, name: str, printed: str, status: int
 ) -> None:
     before = page_of(checkout)
@@ -65,9 +65,7 @@ def test_what_has_no_place_or_is_empty_leaves_the_page(
 
 
 @pytest.mark.parametrize(("then", "status"), [("sys.exit(3)", 3), ("import os; os.kill(os.getpid(), 9)", 1)])
-def test_what_a_command_printed_that_failed_is_shown_and_not_kept(
-    checkout: Path, then: str, status: int
-) -> None:
+def test_output_of_a_failed_command_is_shown_but_not_written(checkout: Path, then: str, status: int) -> None:
     before = page_of(checkout)
     done = keep(checkout, "a", "| half a table |\n", then)
     assert (done.returncode, done.stdout) == (status, "| half a table |\n")
@@ -75,7 +73,7 @@ def test_what_a_command_printed_that_failed_is_shown_and_not_kept(
     assert page_of(checkout) == before
 
 
-def test_every_command_that_keeps_figures_has_its_place() -> None:
+def test_every_section_that_a_script_writes_has_its_markers() -> None:
     scripts = [*(ROOT / "tools/dev.d").glob("*.sh"), *(ROOT / "tools/bench.d").glob("*.sh")]
     names = {
         quoted or plain
@@ -92,13 +90,13 @@ def test_every_command_that_keeps_figures_has_its_place() -> None:
     assert {name for name in names if page.count(f"<!-- {name}: end -->") != 1} == set()
 
 
-def test_every_table_has_a_command_that_keeps_it() -> None:
+def test_results_page_has_no_table_outside_markers() -> None:
     page = (ROOT / "docs/results.md").read_text(encoding="utf-8")
     kept = re.sub(r"<!-- ([a-z0-9 ]+): begin -->.*?<!-- \1: end -->", "", page, flags=re.DOTALL)
     assert [line for line in kept.splitlines() if line.startswith("|")] == []
 
 
-def test_figures_of_the_readme_stand_in_the_results() -> None:
+def test_readme_figures_are_in_the_results_page() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     section = readme[readme.index("## How good it is") : readme.index("## Two commands")]
     rows = [line for line in section.splitlines() if line.startswith("| ") and "held-out error" not in line]

@@ -1,4 +1,4 @@
-"""A device that answers, and wrongly: every command ends with one sentence and status 3, and writes nothing."""
+"""A device that answers wrongly: every command ends with one sentence and status 3, and writes no file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NODE = 32
 
 
 def an_image() -> bytes:
-    """The envelope of a table of six joints, and some content."""
+    """A table image for six joints: valid header and checksum, arbitrary content."""
     fields = [0] * 25
     content = bytes(range(100))
     length = layout.HEADER.size + len(content) + layout.CHECKSUM.size
@@ -36,7 +36,7 @@ IMAGE = an_image()
 
 
 class FakeDevice:
-    """A compensator with a table in force, seen from the bus. `numbers` are its values by name, 0 where not given."""
+    """A compensator with an active table, seen from the bus. `numbers` are its values by name, 0 where not given."""
 
     def __init__(self, **_: object) -> None:
         self.numbers: dict[str, int] = {
@@ -52,7 +52,7 @@ class FakeDevice:
         }
         self.held = IMAGE
         self.has_empty_segments = False
-        self.acknowledged: int | None = None  # of each block, whatever came; None: all of it
+        self.acknowledged: int | None = None  # segments acknowledged of each block; None: all
         self._reading = b""
         self._in_block = False
         self._waiting: deque[can.Message] = deque()
@@ -105,7 +105,7 @@ class FakeDevice:
 
 @pytest.fixture
 def device(monkeypatch: pytest.MonkeyPatch) -> FakeDevice:
-    """What every command finds on its bus."""
+    """The device that every command finds on its bus."""
     made = FakeDevice()
 
     def open_it(_: BusOptions) -> FakeDevice:
@@ -117,7 +117,7 @@ def device(monkeypatch: pytest.MonkeyPatch) -> FakeDevice:
 
 @dataclass(frozen=True)
 class Done:
-    """What a command did."""
+    """Result of a command."""
 
     status: int
     stdout: str
@@ -129,7 +129,7 @@ Run = Callable[..., Done]
 
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str]) -> Run:
-    """Runs a command as a person gives it."""
+    """Runs a command with bus options added."""
 
     def once(*words: str) -> Done:
         program = typer.Typer()
@@ -148,7 +148,7 @@ def expect_sentence(done: Done, words: str) -> None:
     assert words in done.stderr
 
 
-def test_a_right_device_is_described_and_read(device: FakeDevice, run: Run, tmp_path: Path) -> None:
+def test_correct_device_is_described_and_dumped(device: FakeDevice, run: Run, tmp_path: Path) -> None:
     done = run("device", "info")
     assert done.status == 0, done
     assert "slot B" in done.stdout
@@ -157,7 +157,7 @@ def test_a_right_device_is_described_and_read(device: FakeDevice, run: Run, tmp_
     assert (tmp_path / "held.bin").read_bytes() == IMAGE
 
 
-def test_a_slot_that_does_not_exist_is_said(device: FakeDevice, run: Run) -> None:
+def test_unknown_active_slot_is_reported(device: FakeDevice, run: Run) -> None:
     device.numbers["Table status.Active slot"] = 7
     expect_sentence(
         run("device", "info"), "node 32 says 7 of 'Table status.Active slot', expected 0, 1 or 255"
@@ -166,7 +166,7 @@ def test_a_slot_that_does_not_exist_is_said(device: FakeDevice, run: Run) -> Non
 
 @pytest.mark.parametrize("joints", [0, 9, 200])
 @pytest.mark.parametrize("command", ["info", "monitor", "commission"])
-def test_a_joint_count_that_no_device_has_is_said(
+def test_joint_count_out_of_range_is_reported(
     device: FakeDevice, run: Run, command: str, joints: int
 ) -> None:
     device.numbers["Compensator status.Joint count"] = joints
@@ -178,7 +178,7 @@ def test_a_joint_count_that_no_device_has_is_said(
 
 @pytest.mark.parametrize("command", ["dump", "verify"])
 @pytest.mark.parametrize("at", [20, len(IMAGE) - 1])
-def test_a_table_that_was_damaged_on_its_way_is_not_taken(
+def test_table_damaged_in_transfer_is_refused(
     device: FakeDevice, run: Run, command: str, at: int, tmp_path: Path
 ) -> None:
     path = tmp_path / "held.bin"
@@ -189,7 +189,7 @@ def test_a_table_that_was_damaged_on_its_way_is_not_taken(
     assert path.exists() == (command == "verify")
 
 
-def test_another_whole_table_than_the_one_in_force_is_not_written(
+def test_dump_of_a_table_other_than_the_active_one_writes_no_file(
     device: FakeDevice, run: Run, tmp_path: Path
 ) -> None:
     device.numbers["Table status.Checksum of active image"] ^= 1
@@ -197,13 +197,13 @@ def test_another_whole_table_than_the_one_in_force_is_not_written(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_upload_of_empty_segments_is_given_up(device: FakeDevice, run: Run, tmp_path: Path) -> None:
+def test_dump_ends_on_segments_without_data(device: FakeDevice, run: Run, tmp_path: Path) -> None:
     device.has_empty_segments = True
     expect_sentence(run("device", "dump", str(tmp_path / "held.bin")), "segment without data")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_blocks_of_which_nothing_is_taken_are_given_up(device: FakeDevice, run: Run, tmp_path: Path) -> None:
+def test_upload_ends_after_4_unacknowledged_blocks(device: FakeDevice, run: Run, tmp_path: Path) -> None:
     device.numbers["Table status.Active slot"] = 0xFF
     device.numbers["Table status.Checksum of active image"] = 0
     device.acknowledged = 0

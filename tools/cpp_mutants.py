@@ -1,10 +1,10 @@
-"""Mutation testing of the C++: one place of the code is changed at a time, and the tests run to see if one fails.
+"""Mutation testing of the C++ code: one place is changed at a time, and the tests run to see if one fails.
 
-All faults of a sample are compiled at once into a copy of the tracked files (build/mutants/PART), each behind a
-switch: one build serves them all. `a < b` becomes `(mutant(7) ? (a <= b) : (a < b))`; the tests then run once for each,
-with ARMTRUE_MUTANT set to its number: the firmware's unit tests, or the fitter's and after them the Python tests of
-`./dev test` that fit. A mutant that no test fails is printed and listed in survivors.txt there: judge it, and add the
-missing test. Mutants that change no observable behaviour are listed with their reason in PART/equivalent-mutants.txt
+All mutants of a sample are compiled together into a copy of the tracked files (build/mutants/PART), each behind a
+switch: `a < b` becomes `(mutant(7) ? (a <= b) : (a < b))`. The tests then run once for each mutant, with ARMTRUE_MUTANT
+set to its number: the unit tests of the firmware, or those of the fitter followed by the Python tests of `./dev test`
+that use it. A mutant with which no test fails is printed and listed in survivors.txt of that folder: review it, and add
+the missing test. Mutants that change no observable behaviour are listed with the reason in PART/equivalent-mutants.txt
 and are not run.
 """
 
@@ -27,7 +27,7 @@ from pathlib import Path
 
 from mutants import ROOT, SCRATCH, copy_head, environment_of, pytest_command, sample, verdict
 
-# Folders of each part and their tests, the fastest first: a test program, or the arguments of pytest.
+# Folders of each part and their tests, the fastest first. A test is a program, or `pytest` with arguments.
 PARTS = {
     "firmware": {
         "firmware/core": ["firmware/core/firmware_core_test", "firmware/canopen/canopen_test"],
@@ -38,14 +38,15 @@ PARTS = {
         "fitter": ["fitter/fitter_test", "pytest tests/fitting tests/truth tests/refining tests/planning"]
     },
 }
-# Tests are not mutated; nor is format.h, whose numbers test images share (tests/firmware/test_format.py has them).
+# Files that are not mutated: tests, and format.h, whose numbers the test images use too (tests/firmware/test_format.py
+# checks them).
 _LEFT_OUT = re.compile(
     r"_test\.cc|_bench\.cc|_fuzz\.cc|_main\.cc|test_|/testing/|senseless|simulated|/fuzz/|format\.h"
 )
-# Tests that run the same code tens of thousands of times are left to the full step (tools/test.d/37).
+# Left out: tests that run the same code tens of thousands of times. tools/test.d/15-faults.full.sh runs them.
 FILTER = "-PowerCut.AtEveryPairOfOperations:PowerCut.AtEveryOperationOfTheLargestTable"
-# Limit for a mutant, as a multiple of the processor seconds of the unchanged program. Wall time is meaningless on a
-# loaded machine; its limit only ends a program that waits for ever.
+# Time limit for a mutant, as a multiple of the processor seconds of the unchanged program. Wall time says little on a
+# loaded machine; its limit only ends a program that waits forever.
 TIMES_UNFAULTED = 5
 LEAST_LIMIT_S = 20
 LONGEST_WALL_S = 1200
@@ -74,7 +75,7 @@ _SWAPS = {
     "%": "/", "<<": ">>", ">>": "<<", "&": "|", "|": "&", "&&": "||", "||": "&&",
 }  # fmt: skip
 _OPERAND = r"[A-Za-z0-9_](?:[\w.:]|->|\[[\w.]*\]|\([\w., :]*\))*"
-# Not behind `==`, `<=` and the like: brackets would turn `a == 0 && b` into `a == (0 && b)`.
+# Not after `==`, `<=` and the like: brackets would turn `a == 0 && b` into `a == (0 && b)`.
 _BEFORE = r"(?<=[(,])|(?<=[^=!<>]= )|(?<=return )|(?<=&& )|(?<=\|\| )|(?<=\? )|(?<=: )|(?<=, )"
 _AFTER = r"(?=[),;]| &&| \|\|| \?| :)"
 _BINARY = re.compile(
@@ -97,8 +98,8 @@ class Mutant:
     kind: str
     begin: int
     end: int
-    after: str  # instead of the text from begin to end
-    whole: str  # the line
+    after: str  # replaces the text from begin to end
+    whole: str  # the original line
 
     def change(self) -> str:
         """The original line and the changed line."""
@@ -106,15 +107,15 @@ class Mutant:
         return f"  - {self.whole.strip()}\n  + {after.strip()}\n"
 
     def text(self) -> str:
-        """Place, kind and change, for people."""
+        """Place, kind and change, for the list of survivors."""
         return f"{self.file}:{self.line}: {self.kind}\n{self.change()}"
 
     def is_listed(self, listed: set[tuple[str, str]]) -> bool:
-        """Whether a list (`changes_in`) contains it, wherever in its file the line is now."""
+        """Whether a list (`changes_in`) contains this mutant; the line may have moved in its file."""
         return (self.file, self.change()) in listed
 
     def switched(self, line: str, number: int) -> str:
-        """The line with both the original and the change, behind the switch."""
+        """The line with both the original and the changed code, selected by the switch."""
         head, original, tail = line[: self.begin], line[self.begin : self.end], line[self.end :]
         if self.kind == "removed call":
             return f"{head}if (!::armtrue::mutant({number})) {original}{tail}"
@@ -122,7 +123,7 @@ class Mutant:
 
 
 def _places_of(line: str) -> Iterator[tuple[str, int, int, str]]:
-    # Comments, strings and template arguments are masked, at equal length, so that nothing in them is changed.
+    # Comments, strings and template arguments are masked, without a change of length, so that they are not mutated.
     code = _COMMENT_OR_TEXT.sub(lambda m: "\0" * len(m[0]), line)
     code = _TEMPLATE_ARGUMENTS.sub(lambda m: m[0].translate(_NOT_A_NUMBER), code)
     for match in _BINARY.finditer(code):
@@ -139,7 +140,7 @@ def _places_of(line: str) -> Iterator[tuple[str, int, int, str]]:
     for match in _CONDITION.finditer(code):
         end = _closing(code, match.end() - 1)
         inside = line[match.end() : max(end, 0)]
-        if end > 0 and not re.search(r"[;\0]|[^=!<>]=[^=]", inside):  # neither an initialiser nor a string
+        if end > 0 and not re.search(r"[;\0]|[^=!<>]=[^=]", inside):  # no initialiser, no string
             yield "negated condition", match.end(), end, f"!({inside})"
 
 
@@ -153,9 +154,9 @@ def _closing(code: str, opening: int) -> int:
 
 
 def mutants_of(name: str) -> list[Mutant]:
-    """Every mutant of a file; code outside of functions and constant expressions are not changed."""
+    """Every mutant of a file; constant expressions and code outside of functions are not mutated."""
     result = []
-    in_constant = False  # a constant of several lines, which the compiler evaluates: no switch works there
+    in_constant = False  # inside a constant of several lines: the compiler evaluates it, so no switch works
     for number, line in enumerate((ROOT / name).read_text().splitlines(), 1):
         code = _COMMENT_OR_TEXT.sub("", line).strip()
         in_constant = in_constant or re.search(r"\bconstexpr\b[^(]*(?: =|\{)", code) is not None
@@ -173,7 +174,7 @@ def mutants_of(name: str) -> list[Mutant]:
 
 
 def changes_in(path: Path) -> set[tuple[str, str]]:
-    """File and change of each mutant in a list of the form of survivors.txt; `#` begins a comment."""
+    """File and change of each mutant in a list with the format of survivors.txt; `#` begins a comment."""
     found: set[tuple[str, str]] = set()
     lines = [line for line in path.read_text().splitlines() if line and not line.startswith("#")]
     for head, before, after in zip(lines[::3], lines[1::3], lines[2::3], strict=True):
@@ -192,7 +193,7 @@ def files_of(folders: list[str]) -> list[str]:
 
 
 def changes_of_interest(part: str, folders: list[str]) -> dict[str, list[Mutant]]:
-    """By file, every mutant except those known to change no behaviour."""
+    """The mutants of each file, except those listed as equivalent."""
     listed = ROOT / part / "equivalent-mutants.txt"
     equivalent = changes_in(listed) if listed.is_file() else set()
     return {
@@ -202,7 +203,7 @@ def changes_of_interest(part: str, folders: list[str]) -> dict[str, list[Mutant]
 
 
 def one_of_each_line(mutants: list[Mutant]) -> list[Mutant]:
-    """The first of each line, because a line has one switch."""
+    """The first mutant of each line, because a line can have only one switch."""
     return list({(mutant.file, mutant.line): mutant for mutant in reversed(mutants)}.values())[::-1]
 
 
@@ -210,7 +211,7 @@ def copy_tree(tree: Path, part: str) -> None:
     """Copy the files of HEAD and configure a quick build that checks array bounds."""
     if not tree.is_dir():
         tree.mkdir(parents=True)
-        for fetched in (".venv", ".cache"):  # downloads of the build
+        for fetched in (".venv", ".cache"):  # files that the build has downloaded
             (tree / fetched).symlink_to(ROOT / fetched)
     shutil.rmtree(tree / part, ignore_errors=True)
     copy_head(tree)
@@ -225,10 +226,10 @@ def copy_tree(tree: Path, part: str) -> None:
 
 
 def build(tree: Path, mutants: list[Mutant], tests: set[str]) -> list[Mutant]:
-    """Compile all of them behind their switches; returns those that compile, in the order of their numbers."""
+    """Compile all mutants behind their switches; returns those that compile, in the order of their numbers."""
     files = {
         mutant.file for mutant in mutants
-    }  # also those whose mutants are all removed below: they are restored
+    }  # including files whose mutants are all removed below, so that these are restored
     while True:
         for name in files:
             lines = (ROOT / name).read_text().splitlines()
@@ -238,7 +239,7 @@ def build(tree: Path, mutants: list[Mutant], tests: set[str]) -> list[Mutant]:
             target = tree / name
             if target.read_text() != "\n".join(lines) + "\n":
                 target.write_text("\n".join(lines) + "\n")
-        # (What pytest needs is the default target.)
+        # The pytest tests need the default target.
         targets = [Path(test).name if not test.startswith("pytest ") else "all" for test in sorted(tests)]
         built = subprocess.run(
             ["cmake", "--build", "out", "-j", "2", "--target", *targets, "--", "-k", "0"],
@@ -246,18 +247,18 @@ def build(tree: Path, mutants: list[Mutant], tests: set[str]) -> list[Mutant]:
         )  # fmt: skip
         if built.returncode == 0:
             return mutants
-        # (Where a template does not compile, the compiler names the line that instantiates it last.)
+        # If a template does not compile, the compiler names the line that instantiates it last.
         place = rf"{re.escape(str(tree))}/([\w/.]+):(\d+):\d+: +(?:(?:fatal )?error|required from here)"
         wrong = set(re.findall(place, built.stdout + built.stderr))
         left = [mutant for mutant in mutants if (mutant.file, str(mutant.line)) not in wrong]
         if len(left) == len(mutants):
             raise SystemExit("mutants: the copy does not compile:\n" + built.stdout[-3000:])
         print(f"{len(mutants) - len(left)} do not compile and are left out", flush=True)
-        mutants = left  # their numbers change: all files are written again
+        mutants = left  # the numbers change, so all files are written again
 
 
 def run_test(tree: Path, test: str, number: int, cpu_limit_s: int) -> str:
-    """Outcome of a test: survived, killed or timed out; `number` -1 is the unchanged code."""
+    """Outcome of a test for a mutant: survived, killed or timed out. `number` -1: the unchanged code."""
     if test.startswith("pytest "):
         command = pytest_command(test.split()[1:])
     else:
@@ -274,13 +275,13 @@ def run_test(tree: Path, test: str, number: int, cpu_limit_s: int) -> str:
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         return "timed out"
-    if ran.returncode in (-signal.SIGXCPU, -signal.SIGKILL):  # the limit's signal, and the kernel's after it
+    if ran.returncode in (-signal.SIGXCPU, -signal.SIGKILL):  # sent at the soft and at the hard limit
         return "timed out"
     return "survived" if ran.returncode == 0 else "killed"
 
 
 def run(tree: Path, tests: list[str], number: int, limits: dict[str, int]) -> str:
-    """Outcome of the first test that notices a mutant; survived if none does."""
+    """Outcome of the first test that notices a mutant; "survived" if none does."""
     for test in tests:
         if (outcome := run_test(tree, test, number, limits[test])) != "survived":
             return outcome
@@ -288,7 +289,7 @@ def run(tree: Path, tests: list[str], number: int, limits: dict[str, int]) -> st
 
 
 def measured_limits(tree: Path, tests: set[str]) -> dict[str, int]:
-    """The limit of processor seconds for each test: a multiple of what it takes for the unchanged code."""
+    """The limit of processor seconds for each test: a multiple of the time for the unchanged code."""
     limits = {}
     for test in sorted(tests):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -302,7 +303,7 @@ def measured_limits(tree: Path, tests: set[str]) -> dict[str, int]:
 
 
 def main() -> int:
-    """Run a sample; the exit status is 1 if tests notice fewer than 95 % of what compiles."""
+    """Run a sample; the exit status is 1 if the tests notice fewer than 95 % of the mutants run."""
     parser = argparse.ArgumentParser(prog="./dev mutants")
     parser.add_argument("--part", choices=list(PARTS), default="firmware")
     parser.add_argument("--count", type=int, default=200)
@@ -330,7 +331,7 @@ def main() -> int:
     if given.again:
         listed = changes_in(given.again)
         every = [mutant for name in files_of(list(tests_of)) for mutant in mutants_of(name)]
-        # Where a file has the line several times, each of them.
+        # If a file contains the line several times, each of them is chosen.
         chosen = one_of_each_line([mutant for mutant in every if mutant.is_listed(listed)])
     else:
         chosen = sample(changes_of_interest(part, list(tests_of)), given.count, given.seed, given.base)

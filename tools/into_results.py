@@ -1,9 +1,9 @@
-"""Runs a benchmark, shows what it prints, and keeps that in docs/results.md or docs/effects.md.
+"""Runs a benchmark, prints its output, and writes it into docs/results.md or docs/effects.md.
 
     into_results.py NAME COMMAND...
 
-The output goes between `<!-- NAME: begin -->` and `<!-- NAME: end -->` on the first page that has these. The output of
-a command that failed or was killed is shown but not kept.
+The output replaces the text between `<!-- NAME: begin -->` and `<!-- NAME: end -->` on the first page that has these
+marks. The output of a command that failed or was killed is printed but not written.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ PAGES = (DOCS / "results.md", DOCS / "effects.md")
 
 
 def main() -> int:
-    """The command's status where it failed; 2 if no page has such marks, 1 if it printed nothing or was killed."""
+    """Returns the command's status if it failed, 2 if no page has the marks, 1 if it printed nothing or was killed."""
     name, command = sys.argv[1], sys.argv[2:]
     begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
     page = next((p for p in PAGES if p.exists() and {begin, end} <= set(p.read_text().splitlines())), None)

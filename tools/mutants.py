@@ -1,4 +1,4 @@
-"""Common parts of mutation testing of C++ and Python: a sample of mutants, a copy of the code, and the verdict."""
+"""Mutation testing, common to C++ and Python: choose a sample of mutants, copy the code, print the verdict."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from typing import Protocol, TypeVar
 
 ROOT = Path(__file__).resolve().parents[1]
 SCRATCH = ROOT / "build" / "mutants"
-# Share of a sample that is taken from recently changed files.
+# Share of a sample that is taken from recently changed files, if they have so many mutants.
 SHARE_OF_CHANGED = 0.7
-# Tests should notice at least this share.
+# The tests should notice at least this share of the mutants.
 GOAL = 0.95
 
 
 class OnALine(Protocol):
-    """A mutant of any language."""
+    """A mutant in any language."""
 
     @property
     def line(self) -> int:
-        """Where it is in its file, from 1."""
+        """Line number in its file, from 1."""
 
 
 M = TypeVar("M", bound=OnALine)
 
 
 def sample(of_file: Mapping[str, Sequence[M]], count: int, seed: int, base: str) -> list[M]:
-    """`count` mutants, no two on one line: files changed since the commit `base` first, then all others."""
+    """`count` mutants, no two on one line; files changed since the commit `base` have SHARE_OF_CHANGED of them."""
     changed = subprocess.run(
         ["git", "diff", "--name-only", base, "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()
@@ -54,17 +54,17 @@ def copy_head(tree: Path) -> None:
 
 
 def pytest_command(paths: Sequence[str]) -> list[str]:
-    """Run the tests of `./dev test` at some paths until one fails."""
+    """The command that runs the tests of `./dev test` at some paths until one fails."""
     return [sys.executable, *["-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m"], "not full", *paths]
 
 
 def environment_of(tree: Path) -> dict[str, str]:
-    """Variables with which Python imports the copy and not this checkout."""
+    """Environment variables with which Python imports the copy instead of this checkout."""
     return {"PYTHONPATH": f"{tree}/host_tools:{tree}/sim", "OPENBLAS_NUM_THREADS": "1"}
 
 
 def verdict(outcomes: Counter[str], count: int, survivors: Path) -> int:
-    """Print how many mutants the tests noticed; exit status 1 if that is less than the goal."""
+    """Print how many mutants the tests noticed; returns 1, an exit status, if their share is below the goal."""
     noticed = outcomes["killed"] + outcomes["timed out"]
     ran = noticed + outcomes["survived"]
     print(f"{ran} mutants of {count} ran: {noticed} noticed ({100 * noticed / max(1, ran):.1f} %)")

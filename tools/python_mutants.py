@@ -1,10 +1,10 @@
 """Mutation testing of host_tools: one place of the code is changed at a time, and the tests run to see if one fails.
 
 A place is an operator, a number, a condition or a call, found in the syntax tree. The tests are those of `./dev test`
-that need neither a bus nor a browser: first the files that name the changed module, then its folder's, then all. (The
-workbench, whose tests need a browser, is left out.) Works on copies of the tracked files (build/mutants/host_tools/N),
-with a time limit. A mutant that no test fails is printed and listed in survivors.txt beside them: judge it, and add the
-missing test.
+that need neither a bus nor a browser: first the files that name the changed module, then those of its folder, then all.
+(The workbench is left out, because its tests need a browser.) Each worker changes its own copy of the tracked files
+(build/mutants/host_tools/N), and each run of the tests has a time limit. A mutant with which no test fails is printed
+and listed in survivors.txt beside the copies: review it, and add the missing test.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from pathlib import Path
 from mutants import ROOT, SCRATCH, copy_head, environment_of, pytest_command, sample, verdict
 
 COPIES = SCRATCH / "host_tools"
-# Folders whose own tests run before all others.
+# Folders: a mutant's own folder is tested before all others.
 ROOMS = [f"host_tools/armtrue/{room}" for room in ("checking", "cli", "device", "io", "report", "tables")]
-# Of `tests`, those without a bus, an emulator or a browser.
+# The tests of the folder `tests` that need no bus, emulator or browser.
 PYTHON_TESTS = [
     "fitting", "init", "refining", "hidden_effects", "truth", "ladder", "planning", "test_bad_input.py", "test_docs.py",
     *(f"firmware/test_{name}.py" for name in ("accuracy", "format", "tables", "truth")),
@@ -62,7 +62,7 @@ class Mutant:
 
 
 def changes_of(text: str) -> Iterator[tuple[int, str, str]]:
-    """(line from 1, kind, changed line) for every place that is on one line; not in type hints or docstrings."""
+    """(line from 1, kind, changed line) of every place within one line; type hints and docstrings are not changed."""
     lines = text.splitlines()
     for node in _executed(ast.parse(text)):
         if isinstance(node, ast.Compare) and len(node.ops) == 1:
@@ -84,7 +84,7 @@ def changes_of(text: str) -> Iterator[tuple[int, str, str]]:
 
 
 def _executed(tree: ast.AST) -> Iterator[ast.AST]:
-    """Every node below, except annotations and code that only a type checker reads."""
+    """All nodes below `tree`, except annotations and code that only a type checker reads."""
     for name, value in ast.iter_fields(tree):
         if name in ("annotation", "returns", "type_params"):
             continue
@@ -102,7 +102,7 @@ def _is_for_types(node: ast.AST) -> bool:
 def _between(
     lines: list[str], left: ast.expr, right: ast.expr, swap: tuple[str, str] | None, kind: str
 ) -> Iterator[tuple[int, str, str]]:
-    """The change of the operator between two operands."""
+    """The line with the operator between two operands changed."""
     if swap is None or left.end_lineno != right.lineno or left.end_col_offset is None:
         return
     line = lines[right.lineno - 1].encode()
@@ -129,7 +129,7 @@ def mutants_of(name: str) -> list[Mutant]:
 
 
 def tracked() -> list[str]:
-    """Files that are mutated."""
+    """Tracked files that are mutated."""
     command = ["git", "ls-files", "host_tools/*.py"]
     listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     return [name for name in listed.stdout.split() if not any(part in name for part in _LEFT_OUT)]
@@ -178,7 +178,7 @@ def _naming(file: str) -> list[str]:
 
 
 def judge(mutant: Mutant, trees: queue.Queue[Path], end: float, near: bool = False) -> str:
-    """Outcome of a mutant; `near`: of the tests that name its module and those of its folder only."""
+    """Outcome of a mutant. `near`: run only the tests that name its module and those of its folder."""
     if time.monotonic() > end:
         return "not begun"
     tree = trees.get()
@@ -198,7 +198,7 @@ def judge(mutant: Mutant, trees: queue.Queue[Path], end: float, near: bool = Fal
 
 
 def main() -> int:
-    """Run a sample; the exit status is 1 if tests notice fewer than 95 % of it."""
+    """Run a sample; the exit status is 1 if the tests notice fewer than 95 % of the mutants run."""
     parser = argparse.ArgumentParser(prog="./dev mutants")
     parser.add_argument("--part", choices=["host_tools"], required=True)
     parser.add_argument("--count", type=int, default=200)

@@ -1,8 +1,8 @@
-# What every bare-metal ARM build shares. Include from a toolchain file that has set ARMTRUE_CPU_FLAGS.
+# Settings of all bare-metal ARM builds. Include it from a toolchain file that has set ARMTRUE_CPU_FLAGS.
 #
-# No default libraries: only memcpy and friends of newlib and the integer helpers of libgcc are linked, so that a
-# heap (malloc needs _sbrk), an exception or operator delete is a link error and not a surprise on the target.
-# Floating point is soft everywhere and the FPU stays off: a stray `double` shows up as an __aeabi_d* symbol.
+# No default libraries: only newlib's memcpy and the like and libgcc's integer helpers are linked. So use of the heap
+# (malloc needs _sbrk), of exceptions or of operator delete is a link error instead of a fault on the target.
+# Floating point is soft everywhere and the FPU stays off: an unintended `double` is visible as an __aeabi_d* symbol.
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR arm)
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
@@ -23,6 +23,6 @@ set(CMAKE_EXE_LINKER_FLAGS_INIT "-nostdlib -Wl,--gc-sections -Wl,--fatal-warning
 set(CMAKE_C_STANDARD_LIBRARIES_INIT "-lc -lgcc")
 set(CMAKE_CXX_STANDARD_LIBRARIES_INIT "-lc -lgcc")
 
-# One optimisation level for what is measured and what is shipped; symbols stay in the ELF only.
+# Measured and shipped images have the same optimisation level. Symbols are in the ELF only.
 set(CMAKE_C_FLAGS_RELEASE "-O2 -g" CACHE STRING "")
 set(CMAKE_CXX_FLAGS_RELEASE "-O2 -g" CACHE STRING "")

@@ -30,20 +30,20 @@ Eigen::MatrixXd random_matrix(Eigen::Index rows, Eigen::Index columns, unsigned 
 class Size : public ::testing::TestWithParam<Eigen::Index> {};
 INSTANTIATE_TEST_SUITE_P(Sizes, Size, ::testing::Values(0, 1, 2, 7, 64, 200, 650));
 
-TEST_P(Size, ScaledCholeskySolvesInvertsAndMeasures) {
+TEST_P(Size, ScaledCholeskySolvesInvertsAndGivesDeterminant) {
   const Eigen::Index n = GetParam();
   const Eigen::MatrixXd half = some_matrix(n + 5, n);
-  Eigen::VectorXd units(n);  // as far apart as metres and radians per newton metre
+  Eigen::VectorXd units(n);  // spread like metres and radians per newton metre
   for (Eigen::Index i = 0; i < n; ++i) units[i] = std::pow(10.0, static_cast<double>(i % 7) - 3.0);
   Eigen::MatrixXd full = half.transpose() * half + Eigen::MatrixXd::Identity(n, n);
   full = (units.asDiagonal() * full * units.asDiagonal()).eval();
   Eigen::MatrixXd lower = full;
-  lower.triangularView<Eigen::StrictlyUpper>().setConstant(1e30);  // is not to be read
+  lower.triangularView<Eigen::StrictlyUpper>().setConstant(1e30);  // must not be read
 
   const ScaledCholesky factor(lower);
   ASSERT_TRUE(factor.ok());
   const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(n, n);
-  // In units in which the unknowns are of one size.
+  // In units in which all unknowns have the same magnitude.
   const auto error = [&](const Eigen::MatrixXd& inverse) {
     const Eigen::MatrixXd m =
         units.cwiseInverse().asDiagonal() * (full * inverse) * units.asDiagonal();
@@ -70,7 +70,7 @@ TEST_P(Size, CholeskySolves) {
   const Eigen::MatrixXd half = random_matrix(n + 3, n, 7);
   Eigen::MatrixXd lower = half.transpose() * half + identity;
   const Eigen::MatrixXd full = lower;
-  lower.triangularView<Eigen::StrictlyUpper>().setConstant(1e30);  // is not to be read
+  lower.triangularView<Eigen::StrictlyUpper>().setConstant(1e30);  // must not be read
   const Cholesky factor(lower);
   ASSERT_TRUE(factor.ok());
   const Eigen::VectorXd wanted = Eigen::VectorXd::LinSpaced(n, 1.0, 2.0);
@@ -81,7 +81,7 @@ TEST_P(Size, CholeskySolves) {
   EXPECT_EQ(Cholesky(-full).ok(), n == 0);
 }
 
-TEST_P(Size, LeastSquaresIsTheShortestOfTheBest) {
+TEST_P(Size, LeastSquares_DependentColumns_GivesLeastNorm) {
   const Eigen::Index n = GetParam();
   const Eigen::MatrixXd columns = random_matrix(2 * n, n, 8);
   Eigen::MatrixXd twice(2 * n, 2 * n);
@@ -95,19 +95,19 @@ TEST_P(Size, LeastSquaresIsTheShortestOfTheBest) {
   EXPECT_TRUE((shared.bottomRows(n) - 0.5 * x).isZero(1e-8 * (1.0 + x.norm())));
 }
 
-TEST(Dense, LeastSquaresLeavesOutWhatHardlyMoves) {
+TEST(Dense, LeastSquares_ColumnBelowLeastShare_GetsZero) {
   const Eigen::Matrix2d columns{{1.0, 0.0}, {0.0, 1e-6}};
   EXPECT_EQ(least_squares(columns, Eigen::Vector2d(1.0, 1e-6), 1e-5),
             Eigen::MatrixXd(Eigen::Vector2d(1.0, 0.0)));
 }
 
-TEST_P(Size, GrownFactorIsThatOfTheSum) {
+TEST_P(Size, GrownFactorEqualsFactorOfTheSum) {
   const Eigen::Index n = GetParam(), more = 40;
   const Eigen::MatrixXd half = some_matrix(n + 5, n), part = some_matrix(n, more);
   Eigen::MatrixXd root = half.transpose() * half + Eigen::MatrixXd::Identity(n, n);
   ASSERT_TRUE(factorise_cholesky(root));
   const Eigen::MatrixXd lower = root.triangularView<Eigen::Lower>();
-  root.triangularView<Eigen::StrictlyUpper>().setConstant(1e30);  // is not to be read
+  root.triangularView<Eigen::StrictlyUpper>().setConstant(1e30);  // must not be read
 
   const GrownFactor grown(root, part);
   const Eigen::MatrixXd expected = lower * lower.transpose() + part * part.transpose();
@@ -122,15 +122,15 @@ TEST_P(Size, GrownFactorIsThatOfTheSum) {
   EXPECT_LT((grown.factor() * turned - (lower * a + part * b)).norm(), 1e-11 * expected.norm());
 }
 
-TEST_P(Size, EigenvaluesOfAKnownSpectrum) {
+TEST_P(Size, SymmetricEigenRecoversAKnownSpectrum) {
   const Eigen::Index n = GetParam();
-  // Reflected by a Householder matrix, diag(1 … n) keeps its eigenvalues.
+  // A Householder reflection does not change the eigenvalues of diag(1 … n).
   Eigen::VectorXd known(n), v = Eigen::VectorXd::LinSpaced(n, 1.0, 2.0);
   for (Eigen::Index i = 0; i < n; ++i) known[i] = static_cast<double>(i + 1);
   if (n > 0) v.normalize();
   const Eigen::MatrixXd turn = Eigen::MatrixXd::Identity(n, n) - 2.0 * v * v.transpose();
   Eigen::MatrixXd lower = turn * known.asDiagonal() * turn;
-  lower.triangularView<Eigen::StrictlyUpper>().setConstant(1e30);  // is not to be read
+  lower.triangularView<Eigen::StrictlyUpper>().setConstant(1e30);  // must not be read
   const Eigen::VectorXd found = symmetric_eigenvalues(lower);
   ASSERT_EQ(found.size(), n);
   EXPECT_LT((found - known).lpNorm<Eigen::Infinity>(), 1e-10);
@@ -141,7 +141,7 @@ TEST_P(Size, EigenvaluesOfAKnownSpectrum) {
   EXPECT_LT((again - turn * known.asDiagonal() * turn).lpNorm<Eigen::Infinity>(), 1e-9);
 }
 
-TEST(SymmetricEigenOfTwo, IsRightForEveryKindOfMatrix) {
+TEST(SymmetricEigenOfTwo, EigenpairsSolveEveryTestedMatrix) {
   for (const double first : {0.0, 1.0, -2.0, 1e-9, 3e7}) {
     for (const double second : {0.0, 1.0, -3.0, 2e7}) {
       for (const double beside : {0.0, 1e-12, 0.5, -4.0, 1e7}) {
@@ -162,7 +162,7 @@ TEST(SymmetricEigenOfTwo, IsRightForEveryKindOfMatrix) {
   }
 }
 
-TEST_P(Size, SquaresAndTriangularSolutionsAlsoOfPartsOfMatrices) {
+TEST_P(Size, SquaresAndTriangularSolves_AcceptMatrixBlocks) {
   const Eigen::Index n = GetParam();
   const Eigen::MatrixXd whole = some_matrix(n + 3, n + 2);
   const auto part = whole.block(1, 1, n, n);
@@ -172,7 +172,7 @@ TEST_P(Size, SquaresAndTriangularSolutionsAlsoOfPartsOfMatrices) {
   EXPECT_LT(largest(square(part) - part.transpose() * part), 1e-12 * static_cast<double>(n + 1));
   EXPECT_LT(largest(square_across(part) - part * part.transpose()),
             1e-12 * static_cast<double>(n + 1));
-  Eigen::MatrixXd factor = Eigen::MatrixXd::Constant(n, n, 1e30);  // above is not to be read
+  Eigen::MatrixXd factor = Eigen::MatrixXd::Constant(n, n, 1e30);  // upper part must not be read
   factor.triangularView<Eigen::Lower>() =
       Eigen::MatrixXd(0.1 * part + 3.0 * Eigen::MatrixXd::Identity(n, n));
   const Eigen::MatrixXd lower = factor.triangularView<Eigen::Lower>();
@@ -185,13 +185,13 @@ TEST_P(Size, SquaresAndTriangularSolutionsAlsoOfPartsOfMatrices) {
   EXPECT_LT(largest(lower.transpose() * right.middleRows(1, n) - before), 1e-9);
 }
 
-TEST(ScaledCholesky, SaysWhereThereIsNoFactor) {
+TEST(ScaledCholesky, IndefiniteMatrix_IsNotOk) {
   Eigen::MatrixXd m = Eigen::MatrixXd::Identity(3, 3);
   m(2, 0) = 2.0;
   EXPECT_FALSE(ScaledCholesky(m).ok());
 }
 
-TEST_P(Size, TransposeTimesIsTheProductAlsoOfPartsOfMatrices) {
+TEST_P(Size, TransposeTimesAcceptsMatrixBlocks) {
   const Eigen::Index n = GetParam();
   const Eigen::MatrixXd a = some_matrix(n + 3, n + 2), b = some_matrix(n + 3, 4);
   const auto left = a.block(1, 1, n, n);
@@ -203,9 +203,9 @@ TEST_P(Size, TransposeTimesIsTheProductAlsoOfPartsOfMatrices) {
   EXPECT_LE((product - expected).norm(), 1e-12 * (1.0 + expected.norm()));
 }
 
-// With at most eight columns on the left the product is worked out in another way. Both matrices
-// are parts of larger ones here, as they are where it is used.
-TEST(Dense, FewColumnsTimesAWideMatrix) {
+// With at most eight columns on the left, the product takes another code path. Both matrices are
+// blocks of larger ones, as in the callers.
+TEST(Dense, TransposeTimes_FewLeftColumns_GivesTheProduct) {
   const Eigen::MatrixXd from = random_matrix(410, 5, 21), wide = random_matrix(420, 333, 22);
   const auto left = from.middleRows(3, 400);
   const auto right = wide.middleRows(7, 400);
@@ -213,8 +213,8 @@ TEST(Dense, FewColumnsTimesAWideMatrix) {
   EXPECT_LE((transpose_times(left, right) - expected).norm(), 1e-12 * expected.norm());
 }
 
-// Most columns are mostly zero, as those of a table's nodes are, and some are zero throughout.
-TEST(Dense, SquareOfColumnsThatAreMostlyZero) {
+// Most columns are mostly zero, like those of a table's nodes; some are entirely zero.
+TEST(Dense, SquareOfSparseColumnsGivesTheProduct) {
   Eigen::MatrixXd a = random_matrix(4000, 800, 23);
   for (Eigen::Index c = 0; c < a.cols(); ++c) {
     if (c % 8 < 3) continue;

@@ -10,7 +10,7 @@
 namespace armtrue {
 namespace {
 
-TEST(InParallel, DoesEveryJobOnce) {
+TEST(InParallel, RunsEveryJobOnce) {
   for (const std::size_t count : {0U, 1U, 2U, 1000U}) {
     std::vector<int> done(count, 0);
     in_parallel(count, [&](std::size_t k) { ++done[k]; });
@@ -18,7 +18,7 @@ TEST(InParallel, DoesEveryJobOnce) {
   }
 }
 
-TEST(InParallel, ThrowsOnWhatAJobThrew) {
+TEST(InParallel, RethrowsTheExceptionOfAJob) {
   EXPECT_THROW(in_parallel(50,
                            [](std::size_t k) {
                              if (k == 17) throw std::runtime_error("job 17");
@@ -26,7 +26,7 @@ TEST(InParallel, ThrowsOnWhatAJobThrew) {
                std::runtime_error);
 }
 
-TEST(InParallel, WithinAnothersJob_StaysOnItsThread) {
+TEST(InParallel, CalledWithinAJob_StaysOnThatThread) {
   std::vector<int> strayed(8, 0);
   in_parallel(strayed.size(), [&](std::size_t k) {
     const std::thread::id own = std::this_thread::get_id();
@@ -37,7 +37,7 @@ TEST(InParallel, WithinAnothersJob_StaysOnItsThread) {
   EXPECT_EQ(strayed, std::vector<int>(8, 0));
 }
 
-TEST(InParallel, AfterItsJobs_LeavesTheCallersThreadFree) {
+TEST(InParallel, AfterItsJobs_CallersThreadIsNoLongerMarkedBusy) {
   in_parallel(10, [](std::size_t) {});
   EXPECT_FALSE(is_one_of_many());
 }

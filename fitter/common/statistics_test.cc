@@ -7,7 +7,7 @@
 namespace armtrue {
 namespace {
 
-TEST(Statistics, MedianAndQuantiles) {
+TEST(Statistics, MedianAndQuantileInterpolate) {
   EXPECT_EQ(median({}), 0.0);
   EXPECT_EQ(median({3.0}), 3.0);
   EXPECT_EQ(median({4.0, 1.0}), 2.5);
@@ -26,8 +26,8 @@ TEST(Statistics, Summary) {
   EXPECT_EQ(summarise({}).count, 0u);
 }
 
-// Figures of published tables (Abramowitz and Stegun, 26.8 and 26.9).
-TEST(Statistics, SurvivalOfChiSquareAndF) {
+// Values from published tables (Abramowitz and Stegun, 26.8 and 26.9).
+TEST(Statistics, ChiSquareAndFSurvivalMatchTables) {
   EXPECT_NEAR(log10_chi2_survival(3.841459, 1.0), std::log10(0.05), 1e-6);
   EXPECT_NEAR(log10_chi2_survival(29.58830, 10.0), std::log10(0.001), 1e-6);
   EXPECT_NEAR(log10_f_survival(4.964603, 1.0, 10.0), std::log10(0.05), 1e-6);
@@ -35,8 +35,8 @@ TEST(Statistics, SurvivalOfChiSquareAndF) {
   EXPECT_EQ(log10_f_survival(0.0, 3.0, 10.0), 0.0);
 }
 
-// Far in the tail the logarithm goes on where the probability itself is no longer a number.
-TEST(Statistics, TailsGoOnBelowTheSmallestNumber) {
+// Far in the tail, the logarithm stays finite although the probability itself underflows to zero.
+TEST(Statistics, Log10SurvivalStaysFiniteBelowSmallestDouble) {
   // With two degrees of freedom the survival function is exp(-x/2) exactly.
   EXPECT_NEAR(log10_chi2_survival(5000.0, 2.0), -2500.0 / std::log(10.0), 1.0);
   double before = 0.0;

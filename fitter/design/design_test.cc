@@ -170,7 +170,7 @@ std::vector<Named> problems() {
   return result;
 }
 
-// The design stands at values of everyday size, and its rows carry different weights.
+// A design at typical parameter values; row 1 has a lower weight.
 struct PreparedDesign {
   Problem problem;
   Design design;
@@ -191,7 +191,7 @@ struct PreparedDesign {
   }
 };
 
-TEST(Design, JacobianIsWhatAutomaticDifferentiationGives) {
+TEST(Design, JacobianMatchesAutomaticDifferentiation) {
   Random random(1);
   for (const Named& named : problems()) {
     PreparedDesign p(named, random);
@@ -209,7 +209,7 @@ TEST(Design, JacobianIsWhatAutomaticDifferentiationGives) {
   }
 }
 
-// Steps of everyday size for all unknowns.
+// Typical sizes of all unknowns, as steps.
 Eigen::VectorXd sizes_of_unknowns(const PreparedDesign& p) {
   Eigen::VectorXd size(p.design.unknowns());
   const auto linear = static_cast<Eigen::Index>(p.design.free_parameters().size());
@@ -225,8 +225,8 @@ Eigen::VectorXd sizes_of_unknowns(const PreparedDesign& p) {
   return size;
 }
 
-// Largest part of a column by which the Jacobian of a row is not what differences give; where
-// `stands`, loads are worked out anew for each.
+// Compares the Jacobian of a row with central differences. `stands`: the loads are recomputed at
+// each point.
 testing::JacobianDifference from_differences(PreparedDesign& p, std::size_t row, bool stands) {
   const std::vector<double> start = p.design.unknown_values();
   const Eigen::VectorXd x =
@@ -248,7 +248,7 @@ testing::JacobianDifference from_differences(PreparedDesign& p, std::size_t row,
   return testing::compare_jacobians(dense_jacobian(p.design, row, ignored), numeric);
 }
 
-TEST(Design, JacobianIsWhatDifferencesGive) {
+TEST(Design, JacobianMatchesCentralDifferences) {
   Random random(2);
   for (const Named& named : problems()) {
     PreparedDesign p(named, random);
@@ -260,8 +260,8 @@ TEST(Design, JacobianIsWhatDifferencesGive) {
   }
 }
 
-// Loads follow the arm that they bend: that is in the Jacobian to first order, and in what is
-// evaluated before the loads are worked out again.
+// Loads change with the deflection that they cause. The Jacobian contains this to first order, and
+// so does an evaluation before the loads are recomputed.
 TEST(Design, StandingArm_JacobianFollowsTheLoads) {
   Random random(6);
   json heavy = testing::industrial_arm(), slides = testing::random_chain(random, 5, {1, 3});
@@ -286,9 +286,8 @@ TEST(Design, StandingArm_JacobianFollowsTheLoads) {
   }
 }
 
-// The same check must fail for a fitter that is a little wrong: here, one whose axis 3 stands a
-// tenth of a millimetre off.
-TEST(Design, CheckNoticesASlightlyWrongArm) {
+// The same check must fail for a slightly wrong fitter: here, axis 3 is displaced by 0.1 mm.
+TEST(Design, JacobianCheck_DetectsAxisDisplacedByTenthOfAMm) {
   Random random(3);
   const Named named = problems()[1];
   PreparedDesign p(named, random);
@@ -300,7 +299,7 @@ TEST(Design, CheckNoticesASlightlyWrongArm) {
   EXPECT_GT(difference.worst, 1e-6);
 }
 
-TEST(Design, HeldParametersKeepTheirValueAndLeaveTheJacobian) {
+TEST(Design, HeldParametersKeepTheirValueAndHaveNoColumn) {
   Random random(4);
   PreparedDesign p(problems()[1], random);
   const std::vector<double> before = p.design.values();
@@ -326,7 +325,7 @@ TEST(Design, FixedParametersAreNeverFree) {
   EXPECT_EQ(p.design.unknown_of(2), -1);
 }
 
-TEST(Design, PredictionWithoutMeasurementsIsTheDesigns) {
+TEST(Design, PredictPosesMatchesDesignPredict) {
   Random random(6);
   for (const Named& named : problems()) {
     PreparedDesign p(named, random);
@@ -341,7 +340,7 @@ TEST(Design, PredictionWithoutMeasurementsIsTheDesigns) {
   }
 }
 
-TEST(BasisTable, RefusesWhatIsNotFinite) {
+TEST(BasisTable, NonFiniteTermValue_ThrowsModelError) {
   Random random(7);
   const json model = effects({{{"effect", "custom"},
                                {"name", "pole"},
@@ -353,7 +352,7 @@ TEST(BasisTable, RefusesWhatIsNotFinite) {
                ModelError);
 }
 
-TEST(Specification, AJointThatNoIntHoldsIsRefusedAndNotConverted) {
+TEST(Specification, InvalidJointNumber_ThrowsModelError) {
   for (const nlohmann::json& joint :
        {nlohmann::json(1e38), nlohmann::json(-1e38), nlohmann::json(2.5), nlohmann::json(0)}) {
     EXPECT_THROW(ModelSpecification::from_json(

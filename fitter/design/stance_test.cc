@@ -9,7 +9,7 @@
 namespace armtrue {
 namespace {
 
-// One arm of 10 kg at 0.5 m that turns about a level axis, on a soft spring.
+// A pendulum: 10 kg at 0.5 m, turning about a horizontal axis on a soft spring.
 constexpr double kWeightMoment = 10.0 * 9.81 * 0.5;  // [Nm]
 constexpr double kSoft = 4e-4;                       // [rad/Nm]: sags by 20 mrad
 
@@ -42,7 +42,7 @@ struct Pendulum {
   }
 };
 
-// angle = q + c * tau(angle), tau = -m g l cos(angle): solved by Newton's method, not by rounds.
+// angle = q + c * tau(angle), tau = -m g l cos(angle), by Newton, not by fixed-point iteration.
 double standing_angle(double q) {
   double angle = q;
   for (int step = 0; step < 20; ++step) {
@@ -52,7 +52,7 @@ double standing_angle(double q) {
   return angle;
 }
 
-TEST(Stance, SoftSpring_CarriesTheTorqueOfWhereItStands) {
+TEST(Stance, SoftSpring_TorqueIsThatOfTheDeflectedAngle) {
   const std::vector<double> q{-1.2, -0.3, 0.0, 0.7, 1.4};
   Pendulum arm({{"q1", q}});
   stand(arm.state, arm.model, *arm.kinematics);
@@ -62,9 +62,9 @@ TEST(Stance, SoftSpring_CarriesTheTorqueOfWhereItStands) {
   }
 }
 
-// Unknown mass moments are fitted with the spring: what a unit of them does follows the joints, and
-// nothing else.
-TEST(Stance, UnknownMassMoments_ActWhereTheJointsStand) {
+// Unknown mass moments are fitted with the spring. The torque of a unit moment follows the
+// deflection of the joints, and not that of the links (`bent`).
+TEST(Stance, UnknownMassMoments_FollowJointDeflectionOnly) {
   const std::vector<double> q{-1.2, -0.3, 0.0, 0.7, 1.4};
   Pendulum arm({{"q1", q}}, "u_1_1_x", false);
   arm.model.parameters.front().value = kSoft * 10.0 * 0.5;

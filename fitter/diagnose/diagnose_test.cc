@@ -45,7 +45,7 @@ std::unique_ptr<Fit> believed(std::uint64_t seed, const json& hidden = nullptr, 
   return Fit::run(p.robot, p.columns, ModelSpecification::from_json(testing::geometry_model()), {});
 }
 
-// The same with one wave in a motor, of so many radians.
+// The same with one wave on a motor, of amplitude `size` [rad].
 std::unique_ptr<Fit> with_wave(const char* motor, const char* wave, double size) {
   return believed(3,
                   {{"effect", "custom"},
@@ -76,7 +76,7 @@ std::vector<StructureFinding> findings_in(Fit& fit) {
   return find_structure(Scorer(fit, linearization), fit, -4.0).findings;
 }
 
-TEST(Scorer, FallOfTheErrorIsThatOfARefit) {
+TEST(Scorer, ExplainedShareMatchesThatOfARefit) {
   const EffectRequest request{"gear_harmonics", {3}, json::object()};
   const auto fit = believed(1, {{"effect", "gear_harmonics"}, {"joints", {3}}}, 6e-5);
   const BlockScore score = score_of(*fit, request);
@@ -88,7 +88,7 @@ TEST(Scorer, FallOfTheErrorIsThatOfARefit) {
     EXPECT_NEAR(score.coefficient[i], 6e-5, 5.0 * score.sigma[i]);
 }
 
-TEST(Scorer, ProbabilitiesAreThoseOfChanceWhereNothingIsHidden) {
+TEST(Scorer, PValuesAreCalibratedWhenNoEffectIsMissing) {
   // Joint 5 couples into nothing here: one test an arm, so that the tests are independent.
   int below = 0;
   constexpr int kArms = 120;
@@ -100,7 +100,7 @@ TEST(Scorer, ProbabilitiesAreThoseOfChanceWhereNothingIsHidden) {
   EXPECT_LE(below, 24);
 }
 
-TEST(Scorer, WhatGeometryCarriesAlreadyHasNothingLeft) {
+TEST(Scorer, EffectSpannedByGeometry_ExplainsNothing) {
   const auto fit = believed(2);
   // A constant on the motor side of joint 3 is its zero.
   const BlockScore score = score_of(
@@ -111,7 +111,7 @@ TEST(Scorer, WhatGeometryCarriesAlreadyHasNothingLeft) {
   EXPECT_GT(score.delta_bic, -10.0);
 }
 
-TEST(Scorer, WhatIsSpannedIsSoHoweverItWasFound) {
+TEST(Scorer, SearchedBlockSpannedByTheFit_IsMarkedSpanned) {
   const auto fit = believed(2);
   Block block = make_block(
       fit->context(),
@@ -123,9 +123,9 @@ TEST(Scorer, WhatIsSpannedIsSoHoweverItWasFound) {
   EXPECT_TRUE(Scorer(*fit, linearization).score({block}).front().spanned);
 }
 
-TEST(Scorer, CoefficientsBeyondTheFitLeaveOutWhatTheFitCouldDoAsWell) {
-  // Beside its table, what a rail had left was told as an arch of 605 um: all but 117 um of it
-  // could be the table's, and so had any size.
+TEST(Scorer, BeyondOmitsPartsThatFittedColumnsReproduce) {
+  // The rest of a rail beside its table was once reported as an arch of 605 um. The table could
+  // represent all but 117 um of it, so the size of that part was arbitrary.
   const double size = 1e-4;
   const auto custom = [](const std::string& expression) -> json {
     return {{"name", "wave"}, {"coordinate", "motor5"}, {"expression", expression}, {"bound", 1.0}};
@@ -141,7 +141,7 @@ TEST(Scorer, CoefficientsBeyondTheFitLeaveOutWhatTheFitCouldDoAsWell) {
   EXPECT_NEAR(plain.beyond.front(), plain.coefficient.front(), 0.05 * size);
 }
 
-TEST(Spectrum, FindsAPeriodThatNobodyKnewAmongRandomPoses) {
+TEST(Spectrum, RandomPoses_UnknownPeriodIsFound) {
   const auto fit = with_wave("motor5", "sin(13*q5)", 2e-4);
   const Linearization linearization = linearize(*fit);
   double strongest = 0.0, cycles = 0.0;
@@ -159,9 +159,9 @@ TEST(Spectrum, FindsAPeriodThatNobodyKnewAmongRandomPoses) {
   EXPECT_GT(strongest, 0.5);
 }
 
-// A count is whole if the residual cannot tell it from the best, and else no rounder than that: a
-// line beside the true one would leave another.
-TEST(Spectrum, OfATurnFindsTheRoundestCountThatTheResidualCannotTellFromTheBest) {
+// The count is rounded to a whole number only if the residual cannot distinguish that from the best
+// count: a line beside the true one would leave a second line.
+TEST(Spectrum, PeakIsTheRoundestCountThatTheResidualAllows) {
   for (const auto& [wave, count, within] :
        {std::tuple{"sin(13*q5)", 13.0, 1e-12}, std::tuple{"sin(13.4*q5)", 13.4, 0.02}}) {
     const auto fit = with_wave("motor5", wave, 2e-4);
@@ -174,8 +174,8 @@ TEST(Spectrum, OfATurnFindsTheRoundestCountThatTheResidualCannotTellFromTheBest)
   }
 }
 
-// A ratio of 120 that is 120.6 in truth: the wave of 120 cycles would leave a second line.
-TEST(Diagnose, FindsTheCountOfAGearWhoseRatioIsNotQuiteWhatIsSaid) {
+// The stated gear ratio is 120, the true one 120.6: a wave of 120 cycles would leave a second line.
+TEST(Diagnose, InexactStatedGearRatio_FindsTheTrueCount) {
   const auto fit = with_wave("motor2", "sin(120.6*q2)", 1e-4);
   const Diagnosis d = diagnose(*fit, {});
   ASSERT_NE(d.recommended(), nullptr);
@@ -187,9 +187,9 @@ TEST(Diagnose, FindsTheCountOfAGearWhoseRatioIsNotQuiteWhatIsSaid) {
   }));
 }
 
-// Waves finer than twice a motor turn were taken for a joint that repeats badly, and nothing for
-// missing.
-TEST(Diagnose, LooksForFineLinesWhereAJointSeemsToRepeatBadly) {
+// Waves of more than two cycles per motor turn were once taken for poor repeatability of the joint,
+// with the verdict that nothing is missing.
+TEST(Diagnose, WaveAboveTwoCyclesPerMotorTurn_IsFound) {
   const auto fit = with_wave("motor1", "sin(506.6*q1)", 1e-4);
   const Diagnosis d = diagnose(*fit, {});
   ASSERT_NE(d.recommended(), nullptr);
@@ -227,7 +227,7 @@ std::unique_ptr<Fit> on_a_screw(double grid) {
   return Fit::run(p.robot, p.columns, ModelSpecification::from_json(testing::geometry_model()), {});
 }
 
-TEST(Spectrum, OverASlideFindsTheLengthOfAScrewsWave) {
+TEST(Spectrum, SlidingJoint_FindsTheWavelengthOfItsScrew) {
   const auto fit = on_a_screw(0.0);
   const Linearization linearization = linearize(*fit);
   const std::vector<JointSpectrum> spectra = joint_spectra(linearization, fit->state());
@@ -240,20 +240,20 @@ TEST(Spectrum, OverASlideFindsTheLengthOfAScrewsWave) {
   EXPECT_NEAR(peaks.front().amplitude, 1e-4, 1e-5);
 }
 
-TEST(Spectrum, OverASlideThatStoodOnAGridEndsAtTwoStepsOfIt) {
+TEST(Spectrum, SlidingJointOnAGrid_ShortestWaveIsTwoSteps) {
   const auto fit = on_a_screw(0.016);
   const Linearization linearization = linearize(*fit);
   const JointSpectrum spectrum = joint_spectra(linearization, fit->state()).front();
   EXPECT_NEAR(spectrum.grid, 0.016, 1e-9);
   EXPECT_GE(1.0 / spectrum.cycles.back(), 2.0 * 0.016);
-  // 62.5 steps a metre: 50 cycles look like 12.5.
+  // The grid has 62.5 steps per metre: 50 cycles per metre look like 12.5.
   EXPECT_NEAR(spectrum.folded(50.0), 12.5, 1e-9);
   const std::vector<SpectralPeak> peaks = highest_peaks(spectrum, linearization, fit->state(), 1);
   ASSERT_EQ(peaks.size(), 1u);
   EXPECT_NEAR(peaks.front().cycles, 12.5, 0.1);
 }
 
-TEST(Diagnose, AScrewsWaveIsNamedAndNotTheJointsScatter) {
+TEST(Diagnose, ScrewWave_IsRecommendedAndNotCalledJointScatter) {
   const auto fit = on_a_screw(0.0);
   const Diagnosis d = diagnose(*fit, {}, Observer::none());
   ASSERT_NE(d.recommended(), nullptr);
@@ -262,14 +262,14 @@ TEST(Diagnose, AScrewsWaveIsNamedAndNotTheJointsScatter) {
     EXPECT_EQ(line.find("repeats to"), std::string::npos) << line;
 }
 
-TEST(Refine, AScrewsWaveHasItsProbabilityThoughNoLeadIsKnown) {
+TEST(Refine, ScrewWaveOfUnknownLead_HasAProbability) {
   const std::vector<RefineStep> steps = refine(on_a_screw(0.0), {}, Observer::none());
   const json effects = steps.back().document()["effects"];
   EXPECT_EQ(effects.back()["wavelengths"], json({0.02}));
   EXPECT_GT(effects.back().value("probability", 0.0), 0.99);
 }
 
-TEST(Structure, NamesTheVariablesOfWhatNoEffectIs) {
+TEST(Structure, ErrorThatNoEffectDescribes_NamesItsVariables) {
   const auto fit = believed(4,
                             {{"effect", "custom"},
                              {"name", "odd"},
@@ -285,15 +285,15 @@ TEST(Structure, NamesTheVariablesOfWhatNoEffectIs) {
   EXPECT_NE(best.shape.find("joint function"), std::string::npos) << best.shape;
 }
 
-TEST(Structure, OfNoiseIsNone) {
+TEST(Structure, NoiseOnly_HasNoFindings) {
   for (std::uint64_t seed = 5; seed < 15; ++seed) {
     const auto fit = believed(seed);
     EXPECT_TRUE(findings_in(*fit).empty()) << seed;
   }
 }
 
-TEST(Diagnose, NamesTheEffectAndTheJointThatTheModelLacks) {
-  // A link lags behind its drive.
+TEST(Diagnose, MissingEffect_IsNamedWithItsJoint) {
+  // Negative: the link lags behind its drive.
   const auto fit = believed(20, {{"effect", "backlash"}, {"joints", {3}}}, -5e-5);
   const Diagnosis d = diagnose(*fit, {});
   EXPECT_EQ(d.verdict, Verdict::kMissingEffect);
@@ -302,14 +302,14 @@ TEST(Diagnose, NamesTheEffectAndTheJointThatTheModelLacks) {
   EXPECT_LT(d.recommended()->held_out_mean, fit->held_out_error().mean);
 }
 
-TEST(Diagnose, SaysNothingIsMissingWhereNothingIs) {
+TEST(Diagnose, CompleteModel_NothingIsMissing) {
   for (std::uint64_t seed = 30; seed < 36; ++seed) {
     const auto fit = believed(seed);
     EXPECT_EQ(diagnose(*fit, {}).verdict, Verdict::kNothingMissing) << seed;
   }
 }
 
-// A fit of geometry and springs, which are all there is, where nobody knows the masses.
+// A fit of geometry and joint springs, the only effects of this arm; its masses are not stated.
 std::unique_ptr<Fit> with_springs_under_unknown_masses(std::uint64_t seed, std::size_t rows) {
   Random random(seed);
   json robot = testing::industrial_arm();
@@ -326,7 +326,7 @@ std::unique_ptr<Fit> with_springs_under_unknown_masses(std::uint64_t seed, std::
   return Fit::run(Robot::from_json(robot), p.columns, ModelSpecification::from_json(model), {});
 }
 
-TEST(Diagnose, WhatSpringsUnderUnknownMassesCanDoSaysNothingForAnotherEffect) {
+TEST(Diagnose, SpringsUnderUnknownMasses_NothingIsMissing) {
   for (std::uint64_t seed = 60; seed < 63; ++seed) {
     const auto fit = with_springs_under_unknown_masses(seed, 80);
     const Diagnosis d = diagnose(*fit, {});
@@ -360,8 +360,8 @@ std::unique_ptr<Fit> measured_six_times(std::uint64_t seed, const json& hidden =
                   {});
 }
 
-TEST(Diagnose, WhatTheArmDidOnceCountsOnceHoweverOftenItIsMeasured) {
-  // Seeds at which shots, counted one by one, once made a cause out of the scatter.
+TEST(Diagnose, ScatterSharedByRepeatedShots_RecommendsNothing) {
+  // With these seeds, shots counted as independent once made the scatter look like an effect.
   for (const std::uint64_t seed : {40, 44, 46, 53, 58, 84, 99}) {
     const Diagnosis d = diagnose(*measured_six_times(seed), {});
     EXPECT_EQ(d.recommended(), nullptr)
@@ -369,7 +369,7 @@ TEST(Diagnose, WhatTheArmDidOnceCountsOnceHoweverOftenItIsMeasured) {
   }
 }
 
-TEST(Diagnose, WhatIsMissingIsFoundBelowTheScatterOfFewPosesMeasuredOften) {
+TEST(Diagnose, FewPosesMeasuredOften_FindsTheMissingEffect) {
   for (const std::uint64_t seed : {40, 44}) {
     const Diagnosis d = diagnose(
         *measured_six_times(seed, {{"effect", "gear_harmonics"}, {"joints", {2}}}, 8e-5), {});
@@ -378,7 +378,7 @@ TEST(Diagnose, WhatIsMissingIsFoundBelowTheScatterOfFewPosesMeasuredOften) {
   }
 }
 
-TEST(Diagnose, ListsWhatCannotBeTestedWithTheColumnsToRecord) {
+TEST(Diagnose, UnrecordedColumns_ListsUntestableEffectsAndNeeds) {
   const auto all = believed(21);
   State::Columns columns = all->state().columns();
   columns.erase("qr4");
@@ -391,7 +391,7 @@ TEST(Diagnose, ListsWhatCannotBeTestedWithTheColumnsToRecord) {
   EXPECT_EQ(needs["backlash"], std::vector<std::string>{"dir2"});
 }
 
-TEST(Diagnose, TwoEntriesOfOneEffectHaveEachItsOwnProbability) {
+TEST(Diagnose, EntriesOfOneEffectHaveSeparateProbabilities) {
   Random random(24);
   json model = testing::geometry_model();
   for (const json& joints : {json{5, 4}, json{6, 4}, json{6, 5}})
@@ -419,7 +419,7 @@ TEST(Diagnose, TwoEntriesOfOneEffectHaveEachItsOwnProbability) {
   EXPECT_EQ(d.superfluous.size(), 2U);
 }
 
-TEST(Refine, AddsWhatIsMissingAndStops) {
+TEST(Refine, AddsTheMissingEffectAndStops) {
   const std::shared_ptr<Fit> fit =
       believed(22, {{"effect", "gear_harmonics"}, {"joints", {2}}}, 8e-5);
   const std::vector<RefineStep> steps = refine(fit, {});
@@ -427,7 +427,7 @@ TEST(Refine, AddsWhatIsMissingAndStops) {
   ASSERT_TRUE(steps.back().added.has_value());
   EXPECT_EQ(label(steps.back().added->request), "gear_harmonics 2");
   EXPECT_EQ(steps.back().diagnosis.verdict, Verdict::kNothingMissing);
-  // Of what was added, and of nothing else, the document says how probable it is.
+  // In the document, only the added effect has a probability.
   const json effects = steps.back().document()["effects"];
   for (const json& entry : effects) {
     EXPECT_EQ(entry.contains("probability"), entry["effect"] == "gear_harmonics") << entry;
@@ -437,8 +437,8 @@ TEST(Refine, AddsWhatIsMissingAndStops) {
   }
 }
 
-TEST(Refine, AProxyDoesNotStay) {
-  // What was put in by hand explains nothing once the real effect is there.
+TEST(Refine, ProxyIsRemovedWhenTheRealEffectIsAdded) {
+  // The joint_scale of the given model explains nothing once gear_harmonics is in the model.
   Random random(23);
   json truth = testing::geometry_model();
   truth["effects"].push_back({{"effect", "gear_harmonics"}, {"joints", {2}}});
@@ -455,7 +455,7 @@ TEST(Refine, AProxyDoesNotStay) {
   EXPECT_EQ(std::count(left.begin(), left.end(), "gear_harmonics"), 1);
 }
 
-TEST(Diagnose, WhatWasFittedAndLeftOutIsNotRecommended) {
+TEST(Diagnose, LeftOutCandidate_IsNotRecommended) {
   const auto fit = believed(20, {{"effect", "backlash"}, {"joints", {3}}}, -5e-5);
   DiagnoseOptions options;
   options.left_out = {key_of(diagnose(*fit, {}).recommended()->request)};
@@ -470,7 +470,7 @@ TEST(Diagnose, WhatWasFittedAndLeftOutIsNotRecommended) {
       << d.advice.front();
 }
 
-TEST(Diagnose, WhatIsThereBesideWhatWasLeftOutIsRecommended) {
+TEST(Diagnose, SecondEffectBesideALeftOutOne_IsRecommended) {
   const auto fit = believed(
       24,
       {{{"effect", "backlash"}, {"joints", {3}}}, {{"effect", "gear_harmonics"}, {"joints", {6}}}},
@@ -485,25 +485,25 @@ TEST(Diagnose, WhatIsThereBesideWhatWasLeftOutIsRecommended) {
   EXPECT_LT(d.recommended()->probability, kSurely);
 }
 
-TEST(ErrorOfSum, IsThatOfNormalChanges) {
+TEST(ErrorOfSum, NormalChanges_GivesStandardErrorOfTheirSum) {
   Random random(1);
   std::vector<double> changes;
   for (int i = 0; i < 400; ++i) changes.push_back(testing::normal(random, 2e-6));
   EXPECT_NEAR(error_of_sum(changes), 2e-6 * 20.0, 0.1 * 2e-6 * 20.0);
 }
 
-TEST(ErrorOfSum, OnePoseThatIsFarOffIsNotItsOwnExcuse) {
-  // 79 poses are predicted alike, one by 430 um worse: the mean rises from 20 to 26 um.
+TEST(ErrorOfSum, SingleLargeChange_DoesNotRaiseTheError) {
+  // 79 poses are predicted equally well, one 430 um worse: the mean rises from 20 to 26 um.
   Random random(2);
   std::vector<double> changes{430e-6};
   for (int i = 0; i < 79; ++i) changes.push_back(testing::normal(random, 1e-6));
   EXPECT_LT(error_of_sum(changes), 0.1 * std::accumulate(changes.begin(), changes.end(), 0.0));
 }
 
-TEST(ErrorOfSum, OfNoChangesIsNone) { EXPECT_EQ(error_of_sum({}), 0.0); }
+TEST(ErrorOfSum, NoChanges_GivesZero) { EXPECT_EQ(error_of_sum({}), 0.0); }
 
-// A joint that the data tell stands alone, those that are measured together stand together.
-TEST(WordsOf, JointsThatArePooledAreToldAtOnce) {
+// A joint whose scatter the data determine is listed alone, joints of pooled scatter together.
+TEST(WordsOf, JointsOfPooledScatterAreListedTogether) {
   const auto fit = believed(5);
   const Linearization l = linearize(*fit);
   NoiseParts noise;

@@ -9,7 +9,7 @@ namespace {
 
 using nlohmann::json;
 
-// An arm whose motors turn 120 times a turn of a joint, or of which nobody knows.
+// Advice for an arm whose gear ratios are 120, or for which that of joint 5 is not stated.
 std::vector<std::string> advice_on(const json& options, double grid = 0.0, bool with_ratio = true) {
   json robot = testing::industrial_arm();
   if (!with_ratio) robot["kinematics"]["joints"][4].erase("gear_ratio");
@@ -21,7 +21,7 @@ std::vector<std::string> advice_on(const json& options, double grid = 0.0, bool 
   return line_advice({"gear_mesh", {5}, options}, {spectrum}, Robot::from_json(robot));
 }
 
-TEST(LineAdvice, NamesTheOrderOfTheMotorThatALineHas) {
+TEST(LineAdvice, LineAtAMotorOrder_NamesTheOrder) {
   EXPECT_EQ(advice_on({{"cycles", {360.0}}}),
             (std::vector<std::string>{
                 "360 cycles a turn on joint 5: look for a gear or bearing of that count",
@@ -33,20 +33,20 @@ TEST(LineAdvice, NamesTheOrderOfTheMotorThatALineHas) {
             "119.7, and not the 120 of robot.yaml");
 }
 
-TEST(LineAdvice, SaysWhyTheMotorDoesNotNameALine) {
+TEST(LineAdvice, LineAtNoMotorOrder_NamesOtherCauses) {
   const std::string words = advice_on({{"cycles", {40.5}}}).back();
   EXPECT_NE(words.find("0.338 times the motor's 120 turns"), std::string::npos) << words;
   EXPECT_NE(words.find("the 0.8 cycles that the joint's travel tells apart"), std::string::npos);
-  // So many times a turn is no shaft's.
+  // 1080 is nine times the motor's turns: more than any shaft's order.
   EXPECT_NE(advice_on({{"cycles", {1080.0}}}).back().find("no multiple"), std::string::npos);
 }
 
-TEST(LineAdvice, WithoutAGearRatioLooksForTheCountAlone) {
+TEST(LineAdvice, WithoutGearRatio_NamesTheCountOnly) {
   EXPECT_EQ(advice_on({{"cycles", {13.0}}}, 0.0, false).size(), 1u);
   EXPECT_TRUE(advice_on({{"orders", {1.0}}}).empty());
 }
 
-TEST(LineAdvice, SaysWhatAGridCannotTell) {
+TEST(LineAdvice, PositionsOnAGrid_NamesTheAliases) {
   const std::string words = advice_on({{"cycles", {13.0}}}, 0.1745329251994330).front();
   EXPECT_EQ(words.find("q5 stands on a grid of 10 deg, on which 23 cycles a turn"), 0u) << words;
 }

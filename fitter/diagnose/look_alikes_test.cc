@@ -16,7 +16,7 @@ using testing::Random;
 
 // If axes 1 and 2 meet, a soft bearing of joint 2, equally soft about x and y, tilts the arm
 // exactly as a soft bearing of joint 1 would.
-TEST(LookAlikes, OfTwoEqualSoftBearingsNeitherIsSaidSurely) {
+TEST(LookAlikes, TwoEquivalentSoftBearings_AreReportedAsConfounded) {
   json robot = testing::industrial_arm();
   robot["kinematics"]["joints"][1]["a"] = 0.0;
   Random random(31);

@@ -1,5 +1,4 @@
-// What effects put forward by themselves, in an arm's own columns, and what a bare entry of them
-// means.
+// Candidates that effects propose for a recorded state, and the terms of an entry without options.
 #include <gtest/gtest.h>
 
 #include <numbers>
@@ -15,7 +14,7 @@ using nlohmann::json;
 using testing::Problem;
 using testing::Random;
 
-// The state of an industrial arm, with one thermometer, or none, and duties.
+// The state of an industrial arm, with or without column temp_arm, and duty3.
 struct Recorded {
   explicit Recorded(bool thermometer, bool duty = false) {
     Random random(5);
@@ -41,7 +40,7 @@ std::vector<std::string> names(const EffectTerms& terms) {
   return result;
 }
 
-// Options of an effect's candidates on one joint, without a repeated one.
+// The different options of an effect's candidates on one joint.
 std::set<std::string> options_on(const std::vector<EffectRequest>& tried, int joint) {
   std::set<std::string> found;
   for (const EffectRequest& request : tried) {
@@ -50,7 +49,7 @@ std::set<std::string> options_on(const std::vector<EffectRequest>& tried, int jo
   return found;
 }
 
-TEST(SelfHeating, FollowsTheDutyOfAJointElseAThermometerElseAsksForOne) {
+TEST(SelfHeating, CandidatesUseTheDutyIfRecordedElseAThermometer) {
   const std::set<std::string> bare{R"({"tau":500.0})", R"({"tau":1000.0})", R"({"tau":2000.0})",
                                    R"({"tau":4000.0})"};
   EXPECT_EQ(options_on(Recorded(true, true).tried("self_heating"), 3), bare);
@@ -60,7 +59,7 @@ TEST(SelfHeating, FollowsTheDutyOfAJointElseAThermometerElseAsksForOne) {
   EXPECT_TRUE(warm.contains(R"({"sensor":"arm","tau":500.0})"));
 }
 
-TEST(CouplingHarmonics, OfABareEntryAreTheTurnAndItsHalf) {
+TEST(CouplingHarmonics, EntryWithoutOptions_HasOneAndTwoWavesATurn) {
   const Recorded arm(true);
   const EffectTerms terms = build_effect(arm.context(), {"coupling_harmonics", {5, 4}});
   EXPECT_EQ(names(terms), (std::vector<std::string>{
@@ -68,7 +67,7 @@ TEST(CouplingHarmonics, OfABareEntryAreTheTurnAndItsHalf) {
                               "coupling_harmonics[5,4].sin2", "coupling_harmonics[5,4].cos2"}));
 }
 
-TEST(GravityBalancer, IsTriedAtPhasesAllAround) {
+TEST(GravityBalancer, CandidatePhasesCoverTheWholeTurn) {
   std::set<double> phases;
   for (const EffectRequest& request : Recorded(true).tried("gravity_balancer"))
     phases.insert(request.options.at("phase").get<double>());
@@ -77,7 +76,7 @@ TEST(GravityBalancer, IsTriedAtPhasesAllAround) {
   EXPECT_NEAR(*phases.rbegin(), 5.0 / 6.0 * std::numbers::pi, 1e-12);
 }
 
-TEST(TrackerScale, OfABareEntryGrowsWithTheDistance) {
+TEST(TrackerScale, EntryWithoutOptions_IsProportionalToDistance) {
   const Recorded arm(true);
   const EffectTerms scale = build_effect(arm.context(), {"tracker_scale", {}});
   const EffectTerms length =

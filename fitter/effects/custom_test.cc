@@ -11,7 +11,7 @@ namespace {
 using testing::Problem;
 using testing::Random;
 
-// The reflectors that a custom term on `coordinate` moves, of two.
+// Of two reflectors, those that a custom term on `coordinate` moves.
 std::vector<int> reflectors_moved_by(const std::string& coordinate) {
   Random random(5);
   const Problem p(testing::industrial_arm(), testing::geometry_model(), {40}, random,
@@ -29,7 +29,7 @@ std::vector<int> reflectors_moved_by(const std::string& coordinate) {
   return moved;
 }
 
-TEST(Custom, OnTheToolMovesEveryReflectorAndOnOneOnlyThat) {
+TEST(Custom, ToolTermMovesAllReflectors_IndexedTermOnlyItsOwn) {
   EXPECT_EQ(reflectors_moved_by("tool.tx"), (std::vector<int>{0, 1}));
   EXPECT_EQ(reflectors_moved_by("tool[0].tx"), (std::vector<int>{0}));
   EXPECT_EQ(reflectors_moved_by("tool[1].tx"), (std::vector<int>{1}));

@@ -1,4 +1,4 @@
-// A joint without a motor: what robot.yaml must say of it, and what effects make of it.
+// A joint without a motor: the rules for it in robot.yaml, and how effects treat it.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,8 +13,8 @@ namespace {
 
 using nlohmann::json;
 
-// Joints 2, 3 and 4 turn about parallel axes; bars keep link 4 level, so that it turns back what
-// the others turn. `parallelogram`: axis 3's motor turns link 3 against the base.
+// Joints 2, 3 and 4 turn about parallel axes; bars keep link 4 level, so that joint 4 turns by the
+// opposite of joints 2 and 3. `parallelogram`: axis 3's motor turns link 3 against the base.
 json palletiser(bool parallelogram) {
   json robot = testing::industrial_arm();
   json& joints = robot["kinematics"]["joints"];
@@ -60,7 +60,7 @@ std::string refusal(const json& content) {
   return "";
 }
 
-TEST(PassiveJoint, WhatContradictsIt_IsRefusedInOneSentence) {
+TEST(PassiveJoint, ContradictingRobotFile_IsRefusedWithTheReason) {
   json undriven = palletiser(false);
   undriven["coupling"] = json::array();
   EXPECT_EQ(refusal(undriven),
@@ -81,7 +81,7 @@ TEST(PassiveJoint, WhatContradictsIt_IsRefusedInOneSentence) {
             "robot: joint 4 is passive, but has a gear_ratio, expected none: it has no motor");
 }
 
-TEST(PassiveJoint, State_HasItAtZeroAndItsLinkLevel) {
+TEST(PassiveJoint, StateHasZeroMotorAngleAndALevelLink) {
   const Measured arm(palletiser(false));
   const std::vector<double>& level = arm.state->column("th4");
   for (std::size_t i = 0; i < arm.state->rows(); ++i) {
@@ -90,7 +90,7 @@ TEST(PassiveJoint, State_HasItAtZeroAndItsLinkLevel) {
   }
 }
 
-TEST(PassiveJoint, EffectsOfADrive_LeaveItOut) {
+TEST(PassiveJoint, EffectsOfADrive_OmitIt) {
   const Measured arm(palletiser(false));
   for (const Effect* effect : effect_catalogue()) {
     const bool driving_alone = effect->drive_rule() == DriveRule::kDriving;
@@ -122,10 +122,10 @@ std::string first_wave(const json& robot, int driving) {
   return terms.parameters.front().terms.front().basis.to_string();
 }
 
-TEST(PassiveJoint, WavesOfItsBars_AreOfHowTheirLinkStands) {
+TEST(PassiveJoint, CouplingHarmonics_FollowTheDrivingLinksAngle) {
   EXPECT_EQ(first_wave(palletiser(false), 2), "sin(q2)");
   EXPECT_EQ(first_wave(palletiser(false), 3), "sin(q3 + q2)");
-  // Where axis 3's motor turns link 3 against the base, that is its own angle.
+  // If axis 3's motor turns link 3 against the base, that angle is q3 itself.
   EXPECT_EQ(first_wave(palletiser(true), 2), "sin(q2)");
   EXPECT_EQ(first_wave(palletiser(true), 3), "sin(q3)");
 
@@ -137,8 +137,8 @@ TEST(PassiveJoint, WavesOfItsBars_AreOfHowTheirLinkStands) {
     EXPECT_EQ(std::ranges::count(pairs, pair), 1) << pair[1];
 }
 
-// Axis 3's own bars turn link 3; those of the flange see the link and keep level.
-TEST(PassiveJoint, ParallelogramErrors_AreTurnedBack) {
+// The bars of axis 3 turn link 3; those of the flange follow link 3 and keep the flange level.
+TEST(PassiveJoint, ParallelogramError_IsUndoneAtThePassiveJoint) {
   const Measured arm(palletiser(true));
   for (const Parameter& p : build_effect(arm.context(), {"parallelogram", {}}).parameters) {
     ASSERT_EQ(p.terms.size(), 2U) << p.name;
@@ -147,7 +147,7 @@ TEST(PassiveJoint, ParallelogramErrors_AreTurnedBack) {
   }
 }
 
-TEST(PassiveJoint, Limits_AreOfWhatTheCouplingsGive) {
+TEST(PassiveJoint, LimitsApplyToTheAngleGivenByTheCouplings) {
   json content = palletiser(false);
   content["kinematics"]["joints"][3]["limits"] = {-0.5, 0.5};
   const Robot robot = Robot::from_json(content);

@@ -34,7 +34,7 @@ TEST(Hats, AddUpToOneInsideAndFadeOverTheOutermostCell) {
   EXPECT_EQ(sum(6.0), 0.0);
 }
 
-TEST(Hats, OfASingleNodeAreConstant) { EXPECT_EQ(at(hat_expression("q1", {0.3}, 0), -7.0), 1.0); }
+TEST(Hats, SingleNode_IsConstant) { EXPECT_EQ(at(hat_expression("q1", {0.3}, 0), -7.0), 1.0); }
 
 const json kGrid{{"effects", {"base_frame", "tool_offset", "residual_grid"}}};
 
@@ -51,7 +51,7 @@ std::vector<int> nodes_of(const Model& model) {
   return {};
 }
 
-// An arm whose truth bends `waves` times over joint 2 and is noise-free in the others.
+// An arm whose only error is a shift of `size_m` times sin(waves q2) of link 1.
 Problem wavy_arm(double waves, double size_m, Random& random) {
   const std::string wave = "sin(" + std::to_string(waves) + "*q2)";
   const json truth{{"effects",
@@ -75,7 +75,7 @@ ModelSpecification closed(const Problem& problem) {
   return close_options(*problem.state, ModelSpecification::from_json(kGrid), options);
 }
 
-TEST(ResidualGrid, GetsNodesWhereTheErrorBendsAndNowhereElse) {
+TEST(ResidualGrid, AddsNodesOnlyOnJointsWhereTheErrorBends) {
   Random random(5);
   const auto chosen = [&](double size_m) {
     const ModelSpecification found = closed(wavy_arm(3.0, size_m, random));

@@ -12,8 +12,8 @@ using nlohmann::json;
 using testing::Problem;
 using testing::Random;
 
-// A fit of geometry to `poses_measured` poses whose joints do not repeat by `joint_sigma` [rad];
-// each pose read `readings` times with `reading_sigma` [m].
+// A fit of geometry to `poses_measured` poses whose joints scatter by `joint_sigma` [rad]; each
+// pose is read `readings` times with `reading_sigma` [m].
 std::unique_ptr<Fit> scattered(std::uint64_t seed, const std::vector<double>& joint_sigma,
                                double reading_sigma, std::size_t readings,
                                std::size_t poses_measured = 300) {
@@ -52,8 +52,8 @@ NoiseParts estimated(Fit& fit) {
                         broad_noise(l, l.residual), {60, true});
 }
 
-// Slope and information are summed over some poses of a large set: they are still those of all.
-TEST(RestrictedLikelihood, OfManyPoses_SlopeIsThatOfItsValue) {
+// For a large set, slope and information are summed over some poses only, and must hold for all.
+TEST(RestrictedLikelihood, ManyPoses_SlopeMatchesTheDerivativeOfTheValue) {
   const auto fit = scattered(8, {}, 8e-6, 1, 1300);
   const Linearization l = linearize(*fit);
   const auto width = l.jacobian.cols();
@@ -70,7 +70,7 @@ TEST(RestrictedLikelihood, OfManyPoses_SlopeIsThatOfItsValue) {
   EXPECT_NEAR(with_reading(at).slope[0] / by_variance, 1.0, 0.1);
 }
 
-TEST(EstimateNoise, OneJointThatRepeatsBadly_IsNamedWithItsSize) {
+TEST(EstimateNoise, OnePoorlyRepeatingJoint_IsFoundWithItsScatter) {
   const auto fit = scattered(1, {4e-6, 4e-6, 45e-6, 4e-6, 4e-6, 4e-6}, 8e-6, 1);
   const Linearization l = linearize(*fit);
   const NoiseParts parts = estimated(*fit);
@@ -80,9 +80,9 @@ TEST(EstimateNoise, OneJointThatRepeatsBadly_IsNamedWithItsSize) {
   EXPECT_FALSE(parts.pose.has_value());
 }
 
-// A joint's 4 urad move a point at a metre by half of what its reading scatters by. The data do not
-// show the scatter of one such joint, and show that of five.
-TEST(EstimateNoise, JointsThatRepeatWell_AreMeasuredTogether) {
+// At one metre, 4 urad of a joint move a point by half the scatter of its reading. The data do not
+// determine the scatter of one such joint, but they determine the common scatter of five.
+TEST(EstimateNoise, WellRepeatingJoints_ArePooled) {
   for (const std::uint64_t seed : {4, 5, 6, 7}) {
     const auto fit = scattered(seed, {4e-6, 45e-6, 4e-6, 4e-6, 4e-6, 4e-6}, 8e-6, 1);
     const NoiseParts parts = estimated(*fit);
@@ -95,7 +95,7 @@ TEST(EstimateNoise, JointsThatRepeatWell_AreMeasuredTogether) {
   }
 }
 
-TEST(EstimateNoise, ReadingsAlone_LeaveNothingToTheJoints) {
+TEST(EstimateNoise, ReadingNoiseOnly_GivesLittleScatterToJoints) {
   const auto fit = scattered(2, {}, 10e-6, 1);
   const Linearization l = linearize(*fit);
   const NoiseParts parts = estimated(*fit);
@@ -119,7 +119,7 @@ TEST(PoseWhitening, MakesCovarianceTheIdentity) {
   const Eigen::MatrixXd shared = l.translation(block.equations, Eigen::all);
   covariance += 25e-12 * shared * shared.transpose();
   for (std::size_t k = 0; k < parts.joint.size(); ++k) {
-    // Both readings have one time, and so one visit.
+    // Both readings have the same time, and so belong to one visit.
     const Eigen::VectorXd column = l.geometry(block.equations, l.layout.motor(static_cast<int>(k)));
     covariance += parts.joint[k] * parts.joint[k] * column * column.transpose();
   }

@@ -25,7 +25,7 @@ double largest_scale(const std::vector<PriorShape>& shapes) {
   return largest;
 }
 
-TEST(PriorShapes, KnowTheSignOfACoefficientThatPhysicsGivesOne) {
+TEST(PriorShapes, CoefficientOfKnownSign_HasASignRule) {
   Parameter lags, either;
   lags.sign = -1;
   lags.sign_doubt = 0.05;
@@ -36,8 +36,8 @@ TEST(PriorShapes, KnowTheSignOfACoefficientThatPhysicsGivesOne) {
   }
 }
 
-// Where the prior makes two coefficients nearly equal, the sign of one says all.
-TEST(PriorShapes, OfCoefficientsThatAreAlikeCountOneSign) {
+// If the prior makes two coefficients nearly equal, a sign rule for one covers both.
+TEST(PriorShapes, AlikeCoefficients_HaveOneSignRule) {
   Parameter spring;
   spring.sign = 1;
   spring.alike = true;
@@ -50,7 +50,7 @@ TEST(PriorShapes, OfCoefficientsThatAreAlikeCountOneSign) {
   EXPECT_EQ(alike, 1u);
 }
 
-TEST(PriorShapes, StandAtTheColumnsOfTheirForm) {
+TEST(PriorShapes, SpreadIsZeroOutsideTheColumnsOfTheForm) {
   for (const PriorShape& shape : shapes_of(form_of({}, {}))) {
     ASSERT_EQ(shape.spread.rows(), 4);
     EXPECT_EQ(shape.spread.row(0).norm() + shape.spread.row(3).norm(), 0.0);
@@ -58,14 +58,14 @@ TEST(PriorShapes, StandAtTheColumnsOfTheirForm) {
   }
 }
 
-// The largest prior is 2.5 mm, unless a coefficient that the fit has moves the tool by more.
-TEST(PriorShapes, ReachAsFarAsWhatIsThere) {
+// The largest prior is 2.5 mm, unless a fitted coefficient moves the tool by more.
+TEST(PriorShapes, LargestScaleGrowsWithFittedCoefficients) {
   EXPECT_NEAR(largest_scale(shapes_of(form_of({}, {}))), 2.5, 1e-12);
   EXPECT_NEAR(largest_scale(shapes_of(form_of({}, {}), 8e-3)), 8.0, 1e-12);
 }
 
 // A bound is two standard deviations.
-TEST(PriorShapes, ExpectNoMoreThanWhatPhysicsAllows) {
+TEST(PriorShapes, BoundedCoefficient_LargestScaleIsHalfItsBound) {
   Parameter bounded;
   bounded.bound = 0.5;
   EXPECT_NEAR(largest_scale(shapes_of(form_of(bounded, bounded))), 0.25, 1e-12);

@@ -87,9 +87,9 @@ TEST(Folding, RegionsAreCompact) {
   EXPECT_LT(within, 0.5 * all);
 }
 
-TEST(HeldOut, AnUnknownThatNothingMeasuresLeavesEveryRowScored) {
+TEST(HeldOut, UnknownThatNoRowDetermines_AllDistancesAreFinite) {
   Random random(82);
-  // No row comes so far, so nothing measures it.
+  // No row reaches q1 > 100, so that no row determines this term.
   nlohmann::json model = testing::geometry_model();
   model["effects"].push_back({{"effect", "custom"},
                               {"name", "never"},

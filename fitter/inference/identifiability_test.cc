@@ -53,8 +53,8 @@ struct Result {
 };
 
 // A complete, minimal and continuous geometry has four numbers a revolute joint, two a prismatic
-// one, and six for where the tool's frame stands in the last link's (Everett, Driels and Mooring
-// 1987: N = 4R + 2P + 6). Where only a point is measured, its orientation's three are not seen.
+// one, and six for the pose of the tool's frame in the last link's (Everett, Driels and Mooring
+// 1987: N = 4R + 2P + 6). If only a point is measured, the three of its orientation have no effect.
 struct Chain {
   int joints;
   std::vector<int> prismatic;
@@ -64,7 +64,7 @@ INSTANTIATE_TEST_SUITE_P(Arms, GenericArm,
                          ::testing::Values(Chain{3, {}}, Chain{4, {}}, Chain{5, {}}, Chain{6, {}},
                                            Chain{7, {}}, Chain{6, {2}}, Chain{7, {0, 4}}));
 
-TEST_P(GenericArm, PosesCarryFourARevoluteTwoAPrismaticAndSix) {
+TEST_P(GenericArm, PosesIdentify4RPlus2PPlus6Parameters) {
   const auto& [joints, prismatic] = GetParam();
   Random random(31);
   ProblemOptions options;
@@ -76,7 +76,7 @@ TEST_P(GenericArm, PosesCarryFourARevoluteTwoAPrismaticAndSix) {
   EXPECT_EQ(r.geometry(), 4 * (joints - sliding) + 2 * sliding + 6) << r.sentences();
 }
 
-TEST_P(GenericArm, PointsCarryThreeFewer) {
+TEST_P(GenericArm, PointsIdentifyThreeParametersFewer) {
   const auto& [joints, prismatic] = GetParam();
   Random random(32);
   ProblemOptions options;
@@ -87,7 +87,7 @@ TEST_P(GenericArm, PointsCarryThreeFewer) {
   EXPECT_EQ(r.geometry(), 4 * (joints - sliding) + 2 * sliding + 3) << r.sentences();
 }
 
-TEST(Identifiability, ParallelAxesAndAWristKeepTheirFour) {
+TEST(Identifiability, ParallelAxesAndWrist_KeepFourParametersAJoint) {
   Random random(33);
   ProblemOptions options;
   options.rows = 200;
@@ -95,9 +95,9 @@ TEST(Identifiability, ParallelAxesAndAWristKeepTheirFour) {
   EXPECT_EQ(r.geometry(), 4 * 6 + 3) << r.sentences();
 }
 
-// Whatever is held, the kept ones must be able to stand in for it: the fit is as good as with
-// everything free.
-TEST(Identifiability, WhatIsHeldCanBeStoodInFor) {
+// The kept parameters must be able to represent the held ones: the fit is as good as with all
+// parameters free.
+TEST(Identifiability, KeptParametersRepresentTheHeldOnes) {
   Random random(34);
   ProblemOptions options;
   options.rows = 120;
@@ -111,18 +111,18 @@ TEST(Identifiability, WhatIsHeldCanBeStoodInFor) {
     design.set_free(identify(design).kept);
     solve(design, 1e-4);
     const double rms = summarise(residual_distances(design)).rms;
-    // Second-order products of the errors are left out by what is held; the noise is a tenth of a
+    // Holding parameters leaves out second-order products of the errors; the noise is a tenth of a
     // micrometre.
     EXPECT_LT(rms, 2e-6) << p.robot.name;
   }
 }
 
-TEST(Identifiability, NamesThePairThatIsOneNumber) {
+TEST(Identifiability, EquivalentParameters_SentenceNamesBoth) {
   Random random(35);
   ProblemOptions options;
   options.rows = 150;
   const Result r(testing::industrial_arm(), testing::geometry_model(), options, random);
-  // The first axis turns with the base, the last axis with the reflector about it.
+  // Axis 1's zero acts like a turn of the base, axis 6's like a shift of the reflector about it.
   const Unidentifiable* first = r.held("joint_offset[1]");
   ASSERT_NE(first, nullptr);
   EXPECT_TRUE(first->exact);
@@ -136,13 +136,13 @@ TEST(Identifiability, NamesThePairThatIsOneNumber) {
       << last->sentence;
 }
 
-TEST(Identifiability, WithOrientationsTheLastZeroIsTheToolsTurn) {
+TEST(Identifiability, WithOrientations_LastZeroEqualsTheToolsTurn) {
   Random random(36);
   ProblemOptions options;
   options.rows = 150;
   options.with_rotation = true;
   Problem p(testing::industrial_arm(), testing::geometry_model(), options, random, nothing);
-  Pose tool = Pose::Identity();  // stands like the flange, so that its z is axis 6
+  Pose tool = Pose::Identity();  // turned like the flange, so that its z is axis 6
   tool.translation() = Eigen::Vector3d(0.1, 0.05, 0.1);
   p.kinematics->set_tool(0, tool);
   Design design = p.make_design();
@@ -153,7 +153,7 @@ TEST(Identifiability, WithOrientationsTheLastZeroIsTheToolsTurn) {
       << all;
 }
 
-TEST(Identifiability, ReflectorOnTheLastAxisSeesNothingOfItsZero) {
+TEST(Identifiability, ReflectorOnTheLastAxis_LastZeroIsHeld) {
   Random random(37);
   ProblemOptions options;
   options.rows = 100;
@@ -168,8 +168,8 @@ TEST(Identifiability, ReflectorOnTheLastAxisSeesNothingOfItsZero) {
   EXPECT_TRUE(found);
 }
 
-// A joint that never moves: its axis cannot be seen, must not be fitted, and must be said.
-TEST(Identifiability, ConstantJointsDoNotLetTheirAxesWander) {
+// The axis of a joint that never moves is not observable and must not be fitted.
+TEST(Identifiability, ConstantJoints_KeptParametersStaySmall) {
   Random random(38);
   json robot = testing::industrial_arm();
   robot["kinematics"]["joints"][4]["limits"] = {0.4, 0.4};
@@ -189,14 +189,14 @@ TEST(Identifiability, ConstantJointsDoNotLetTheirAxesWander) {
     const Parameter& q = p.model.parameters[static_cast<std::size_t>(index)];
     if (q.effect != "joint_offset" && q.effect != "link_geometry") continue;
     const double value = design.values()[static_cast<std::size_t>(index)];
-    // Kept ones stand in for several true errors, which add up; what wanders goes to the prior's
-    // tens of millimetres.
+    // A kept parameter represents several true errors, which add up; an undetermined one would go
+    // to the prior's tens of millimetres.
     EXPECT_LT(std::abs(value), q.unit == "m" ? 5e-3 : 1e-2) << q.name;
   }
   EXPECT_LT(summarise(residual_distances(design)).mean, 3e-5);
 }
 
-TEST(Identifiability, ScaleOfAStandingJointIsItsZero) {
+TEST(Identifiability, ScaleOfAConstantJoint_IsHeld) {
   Random random(39);
   json robot = testing::industrial_arm();
   robot["kinematics"]["joints"][3]["limits"] = {0.7, 0.7};
@@ -226,7 +226,7 @@ TEST(Identifiability, GravityRegressorsKeepBaseParametersOnly) {
   EXPECT_GE(kept, 4);
 }
 
-TEST(Identifiability, FewPosesHoldMore) {
+TEST(Identifiability, FewPoses_KeepFewerParameters) {
   Random random(41);
   ProblemOptions few, many;
   few.rows = 6;

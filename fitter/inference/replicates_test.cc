@@ -14,7 +14,7 @@ using testing::Random;
 
 constexpr int kHeight = 3;
 
-// `poses` poses with `shots` measurements each and as many again with one.
+// `poses` poses with `shots` measurements each, and as many poses with one measurement.
 struct Campaign {
   Measurements measurements;
   std::vector<std::size_t> rows;
@@ -32,7 +32,7 @@ struct Campaign {
     std::iota(rows.begin(), rows.end(), std::size_t{0});
   }
 
-  // Errors of which `shared` (a standard deviation) is common to the shots of a pose.
+  // Errors: `shared` common to the shots of a pose, `own` of each shot (standard deviations).
   Eigen::VectorXd errors(Random& random, double shared, double own) const {
     Eigen::VectorXd result(static_cast<Eigen::Index>(rows.size()) * kHeight);
     Eigen::Vector3d common = Eigen::Vector3d::Zero();
@@ -46,7 +46,7 @@ struct Campaign {
   }
 };
 
-TEST(Replicates, FindTheCorrelationThatTheErrorsHave) {
+TEST(Replicates, CorrelationEstimateMatchesTheTrueOne) {
   const Campaign campaign(150, 4);
   const Replicates replicates(campaign.measurements, campaign.rows);
   Random random(1);
@@ -58,7 +58,7 @@ TEST(Replicates, FindTheCorrelationThatTheErrorsHave) {
   }
 }
 
-TEST(Replicates, WhitenedErrorsAreThoseOfIndependentMeasurements) {
+TEST(Replicates, WhitenedErrorsOfRepeatsAreUncorrelated) {
   const Campaign campaign(400, 3);
   const Replicates replicates(campaign.measurements, campaign.rows);
   Random random(2);
@@ -71,7 +71,7 @@ TEST(Replicates, WhitenedErrorsAreThoseOfIndependentMeasurements) {
   EXPECT_NEAR(product, 0.0, 0.6);
 }
 
-TEST(Replicates, DeterminantIsThatOfTheCorrelationMatrix) {
+TEST(Replicates, LogDeterminantMatchesTheCorrelationMatrix) {
   const Campaign campaign(1, 4);
   const Replicates replicates(campaign.measurements, campaign.rows);
   Eigen::MatrixXd matrix = Eigen::MatrixXd::Identity(5, 5);
@@ -80,7 +80,7 @@ TEST(Replicates, DeterminantIsThatOfTheCorrelationMatrix) {
   EXPECT_NEAR(replicates.log_determinant(0.3), std::log(matrix.determinant()), 1e-12);
 }
 
-TEST(Replicates, AloneEveryRowStaysAsItIs) {
+TEST(Replicates, WithoutRepeats_WhitenChangesNothing) {
   Measurements measurements;
   const std::vector<std::size_t> rows{0, 1, 2};
   const Replicates replicates(measurements, rows);

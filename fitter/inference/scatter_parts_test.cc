@@ -11,8 +11,8 @@ using testing::Random;
 
 constexpr int kJoints = 3;
 
-// `count` poses, each read `shots` times in visits of their own; variances as estimate_scatter has
-// them.
+// `count` poses, each read `shots` times in separate visits; variances in the order of
+// estimate_scatter.
 std::vector<ScatterColumns> poses_with(const Eigen::VectorXd& variance, int count, int shots,
                                        Random& random) {
   std::vector<ScatterColumns> result;
@@ -41,7 +41,7 @@ std::vector<ScatterColumns> poses_with(const Eigen::VectorXd& variance, int coun
   return result;
 }
 
-TEST(ScatterParts, AreFoundWhereTheyAre) {
+TEST(ScatterParts, VariancesOfSimulatedPartsAreRecovered) {
   Random random(1);
   Eigen::VectorXd truth = Eigen::VectorXd::Zero(kJoints + 3);
   truth[0] = 1.0;
@@ -55,7 +55,7 @@ TEST(ScatterParts, AreFoundWhereTheyAre) {
   EXPECT_EQ(found[3], 0.0);
 }
 
-TEST(ScatterParts, AreNoneWhereReadingsAloneScatter) {
+TEST(ScatterParts, ReadingNoiseOnly_OtherPartsAreAlmostAlwaysZero) {
   Eigen::VectorXd truth = Eigen::VectorXd::Zero(kJoints + 3);
   truth[0] = 1.0;
   int seen = 0;

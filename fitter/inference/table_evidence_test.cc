@@ -25,7 +25,7 @@ json table_model(double spacing) {
   return model;
 }
 
-// An arm whose third joint has a table of which the second differences have one standard deviation.
+// An arm whose third joint has a table with second differences of standard deviation `sigma`.
 struct TableArm {
   Random random;
   double slope = 0.0, value = 0.0;
@@ -48,7 +48,7 @@ Design solved(const Problem& problem, double smoothness) {
   return design;
 }
 
-TEST(TableEvidence, IsNothingWithoutTables) {
+TEST(TableEvidence, WithoutTables_IsZero) {
   Random random(1);
   const Problem p(testing::industrial_arm(), testing::geometry_model(), {40}, random,
                   [](const Parameter&) { return 0.0; });
@@ -58,11 +58,11 @@ TEST(TableEvidence, IsNothingWithoutTables) {
   EXPECT_EQ(evidence.occam, 0.0);
 }
 
-TEST(TableEvidence, OccamFactorIsWhatTheMeasurementsNarrowTheTableBy) {
+TEST(TableEvidence, OccamFactorGrowsAsMeasurementsNarrowTheTable) {
   const TableArm arm(2, 3e-5);
   Design design = solved(arm.problem, 3e-5);
   const NormalEquations data = accumulate(design);
-  // A table that nothing measured is as wide after as before.
+  // Without measurements, the posterior of a table is as wide as its prior.
   const Eigen::MatrixXd nothing = Eigen::MatrixXd::Zero(design.unknowns(), design.unknowns());
   EXPECT_NEAR(table_evidence(design, nothing, 3e-5).occam, 0.0, 1e-6);
   // A hundred times the information narrows every well measured direction by ten: log 100 each.
@@ -75,7 +75,7 @@ TEST(TableEvidence, OccamFactorIsWhatTheMeasurementsNarrowTheTableBy) {
   EXPECT_LT(more - once, nodes * std::log(100.0));
 }
 
-TEST(TableEvidence, FindsTheSmoothnessThatTheTableHas) {
+TEST(TableEvidence, LikeliestSmoothnessIsNearTheTrueOne) {
   const std::vector<double> tried{1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3};
   for (const double sigma : {1e-5, 1e-4}) {
     for (std::uint64_t seed = 3; seed < 8; ++seed) {

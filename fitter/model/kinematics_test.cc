@@ -14,7 +14,7 @@ using Jacobian6 = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 constexpr int kStride = 4;
 using Jet = ceres::Jet<double, kStride>;
 
-// A chain with references, at one pose, with coordinates of any size.
+// A chain at one pose, with random coordinates of standard deviation `size`, and its reference.
 struct Case {
   Robot robot;
   int targets = 1, target = 0;
@@ -97,11 +97,11 @@ std::vector<Case> cases(double size) {
   return result;
 }
 
-// Zero, as errors of arms are, and far beyond any error.
+// Zero, the size of an arm's errors, and far beyond any error.
 class KinematicsAtSize : public ::testing::TestWithParam<double> {};
 INSTANTIATE_TEST_SUITE_P(Sizes, KinematicsAtSize, ::testing::Values(0.0, 1e-4, 0.3));
 
-TEST_P(KinematicsAtSize, PoseIsTheReferences) {
+TEST_P(KinematicsAtSize, PoseMatchesTheReference) {
   for (const Case& c : cases(GetParam())) {
     const std::vector<double> coordinates(c.coordinates.data(),
                                           c.coordinates.data() + c.coordinates.size());
@@ -115,7 +115,7 @@ TEST_P(KinematicsAtSize, PoseIsTheReferences) {
   }
 }
 
-TEST_P(KinematicsAtSize, JacobianIsWhatAutomaticDifferentiationGives) {
+TEST_P(KinematicsAtSize, JacobianMatchesAutomaticDifferentiation) {
   for (const Case& c : cases(GetParam())) {
     Kinematics chain = c.kinematics();
     Jacobian6 analytic;
@@ -125,7 +125,7 @@ TEST_P(KinematicsAtSize, JacobianIsWhatAutomaticDifferentiationGives) {
   }
 }
 
-TEST_P(KinematicsAtSize, JacobianIsWhatDifferencesGive) {
+TEST_P(KinematicsAtSize, JacobianMatchesCentralDifferences) {
   for (const Case& c : cases(GetParam())) {
     Kinematics chain = c.kinematics();
     Jacobian6 analytic;
@@ -143,9 +143,9 @@ TEST_P(KinematicsAtSize, JacobianIsWhatDifferencesGive) {
   }
 }
 
-// The check must notice what a person gets wrong: an axis at the frame before, a lever from the
-// wrong point, a coupling left out.
-TEST(KinematicsCheck, NoticesSlightlyWrongJacobians) {
+// The check must detect likely mistakes: axes of a virtual joint not turned by its own rotation, a
+// coupling left out, one entry off by 1e-7.
+TEST(KinematicsCheck, DetectsSlightlyWrongJacobians) {
   const Case c = cases(0.01)[5];
   Kinematics chain = c.kinematics();
   Jacobian6 right;
@@ -178,8 +178,8 @@ TEST(Rotation, LogarithmUndoesExponential) {
   }
 }
 
-// d exp(r) = [J_l(r) dr]× exp(r), on both sides of where the series takes over.
-TEST(Rotation, LeftJacobianIsTheExponentialsSlope) {
+// d exp(r) = [J_l(r) dr]× exp(r), on both sides of the switch to the series.
+TEST(Rotation, LeftJacobianIsTheDerivativeOfTheExponential) {
   Random random(8);
   for (const double size : {0.0, 1e-4, 0.00999, 0.01001, 0.5, 2.5}) {
     const Eigen::Vector3d r = size * testing::normal3(random, 1.0).normalized();
@@ -191,8 +191,8 @@ TEST(Rotation, LeftJacobianIsTheExponentialsSlope) {
   }
 }
 
-// Craig's convention and the standard one describe one arm when a and alpha stand one row apart.
-TEST(Robot, StandardAndModifiedConventionMeet) {
+// Craig's convention and the standard one describe the same arm if a and alpha shift by one row.
+TEST(Robot, StandardAndModifiedConventionAgree) {
   Random random(9);
   nlohmann::json modified = testing::random_chain(random, 6);
   nlohmann::json standard = modified;

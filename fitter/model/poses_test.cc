@@ -32,7 +32,7 @@ TEST(FindPoses, JointsFurtherApartThanADriveResolves_AreTwoPoses) {
   EXPECT_FALSE(poses_of({0.1, 0.10002}).any_repeated());
 }
 
-TEST(FindPoses, DeclaredRepeats_AreOnePoseWhateverTheJointsSay) {
+TEST(FindPoses, DeclaredRepeats_AreOnePoseDespiteDifferentJoints) {
   EXPECT_EQ(poses_of({0.1, 0.2, 0.5}, {}, {7, 8, 7}).pose_of_row, (std::vector<int>{0, 1, 0}));
 }
 
@@ -45,7 +45,7 @@ TEST(FindPoses, UndeclaredReadingsInARow_AreOneVisit) {
   EXPECT_EQ(poses_of({0.1, 0.1, 0.1, 0.4}).visit_of_row, (std::vector<int>{0, 0, 0, 1}));
 }
 
-TEST(FindPoses, DeclaredRepeatsInARow_AreVisitsOfTheirOwn) {
+TEST(FindPoses, DeclaredRepeatsInARow_AreSeparateVisits) {
   EXPECT_EQ(poses_of({0.1, 0.1, 0.4}, {}, {1, 1, 2}).visit_of_row, (std::vector<int>{0, 1, 2}));
 }
 
@@ -55,7 +55,7 @@ TEST(FindPoses, APoseReachedAgainLater_IsAnotherVisit) {
   EXPECT_EQ(poses.pose_of_row, (std::vector<int>{0, 1, 0}));
 }
 
-TEST(FindPoses, ReflectorsInPartsOfTheFileWithoutTime_AreOneVisitByTheirOrder) {
+TEST(FindPoses, FilePartPerReflectorWithoutTime_OrderGivesTheVisits) {
   const Poses poses = poses_of({0.1, 0.4, 0.1, 0.4}, {0, 0, 1, 1});
   EXPECT_EQ(poses.visit_of_row, (std::vector<int>{0, 1, 0, 1}));
 }

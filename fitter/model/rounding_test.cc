@@ -9,7 +9,7 @@
 namespace armtrue {
 namespace {
 
-TEST(Rounding, TheCoarsestStepThatAllValuesAreMultiplesOf) {
+TEST(Rounding, FindsTheCoarsestStepOfAllValues_ElseZero) {
   EXPECT_EQ(step_of_lengths(std::vector<double>{1.2345, -0.3, 2.7101}).words, "0.1 mm");
   EXPECT_EQ(step_of_lengths(std::vector<double>{1234.5 * 1e-3, 0.01 * 1e-3}).words, "0.01 mm");
   EXPECT_EQ(step_of_lengths(std::vector<double>{1.23456789, 0.1}).size, 0.0);

@@ -13,8 +13,8 @@ using testing::Random;
 
 const Eigen::Vector3d kPayloadPoint(0.12, -0.03, 0.2);
 
-// A heavy arm with a coupling, tilted gravity and a sliding joint: everything that gravity's signs
-// depend on.
+// A heavy arm with a coupling, tilted gravity and a sliding joint: everything on which the signs of
+// gravity torques depend.
 struct Heavy {
   Robot robot;
   State::Columns columns;
@@ -32,8 +32,8 @@ struct Heavy {
     state = std::make_unique<State>(robot, columns, kPayloadPoint);
   }
 
-  // Poses of all frames in the base for some coordinates, from the second, independent writing of
-  // the chain.
+  // Poses of all frames in the base for motor-side shifts `motor`, by the independent second
+  // implementation of the chain.
   std::vector<Eigen::Matrix4d> frames(std::size_t row, const std::vector<double>& motor) const {
     std::vector<Eigen::Matrix4d> result;
     const int n = robot.joint_count();
@@ -67,9 +67,9 @@ struct Heavy {
   }
 };
 
-// The torque that gravity exerts is the fall of the potential energy as the motor turns: virtual
-// work, coupling included.
-TEST(State, TorquesAreVirtualWork) {
+// The torque of gravity is the decrease of potential energy per motor angle: virtual work, coupling
+// included.
+TEST(State, GravityTorquesMatchVirtualWork) {
   const Heavy arm;
   for (std::size_t row = 0; row < 5; ++row) {
     for (std::size_t k = 0; k < 5; ++k) {
@@ -83,7 +83,7 @@ TEST(State, TorquesAreVirtualWork) {
   }
 }
 
-TEST(State, MomentsAreThoseOfTheWeightsBeyond) {
+TEST(State, MomentsMatchThoseOfTheWeightsBeyondTheJoint) {
   const Heavy arm;
   for (std::size_t row = 0; row < 5; ++row) {
     const auto frames = arm.frames(row, std::vector<double>(5, 0.0));
@@ -108,8 +108,8 @@ TEST(State, MomentsAreThoseOfTheWeightsBeyond) {
   }
 }
 
-// The regressors, weighted with the masses, are the torque: what is fitted without masses is what
-// is meant with them.
+// The regressors, weighted with the masses, are the torque: a fit without masses describes the same
+// loads as one with masses.
 TEST(State, RegressorsAddUpToTheTorques) {
   const Heavy arm;
   const auto sum = [&](const std::string& stem, const std::string& payload_stem, int first,
@@ -141,8 +141,8 @@ TEST(State, RegressorsAddUpToTheTorques) {
   }
 }
 
-TEST(State, ATorqueIsWhatStaticsSayAndOnlyWithoutMassesWhatASensorReads) {
-  // A device computes it. A drive's sign, or a sensor's scale, must not get into a coefficient.
+TEST(State, MeasuredTorque_IsUsedOnlyWithoutMasses) {
+  // A device computes it. A drive's sign, or a sensor's scale, must not enter a coefficient.
   for (const bool with_masses : {true, false}) {
     Heavy arm(with_masses);
     arm.columns["tau2"] = {1.0, 2.0, 3.0, 4.0, 5.0};
@@ -155,7 +155,7 @@ TEST(State, ATorqueIsWhatStaticsSayAndOnlyWithoutMassesWhatASensorReads) {
   }
 }
 
-TEST(State, WithoutMassesThereAreNoTorquesButRegressors) {
+TEST(State, WithoutMasses_HasRegressorsButNoTorques) {
   const Heavy arm(false);
   EXPECT_FALSE(arm.state->has("tau2"));
   EXPECT_FALSE(arm.state->has("bmx"));
@@ -163,7 +163,7 @@ TEST(State, WithoutMassesThereAreNoTorquesButRegressors) {
   EXPECT_THROW(arm.state->column("tau2"), ModelError);
 }
 
-TEST(State, AngleTemperatureAndWhatDoesNotExist) {
+TEST(State, HasAnglesAndTemperature_ButNoUnknownColumns) {
   const Heavy arm;
   for (std::size_t row = 0; row < 5; ++row) {
     const double th4 =
@@ -186,9 +186,9 @@ TEST(State, RefusesMissingJointsAndRaggedColumns) {
   EXPECT_THROW(State(arm.robot, arm.columns, kPayloadPoint), ModelError);
 }
 
-// What a noisy sensor reads is brought to what the arm's own statics can be; what they cannot be
-// (something pulls at the arm) stays as it was read.
-TEST(State, MeasuredTorqueLosesItsSensorsNoise) {
+// A noisy measured torque is smoothed to one that the arm's statics can produce. A torque that they
+// cannot produce (an external force pulls at the arm) stays as measured.
+TEST(State, SmoothTorquesRemovesSensorNoise) {
   for (const double payload : {8.0, 0.0}) {
     Random random(31);
     json content = testing::industrial_arm();
@@ -204,7 +204,7 @@ TEST(State, MeasuredTorqueLosesItsSensorsNoise) {
     for (double& v : read) v += testing::normal(random, 2.0);
     columns["tau2"] = read;
     State state(robot, columns, point);
-    EXPECT_EQ(state.column("tau2"), read);  // a prediction's rows do not see each other
+    EXPECT_EQ(state.column("tau2"), read);  // in a prediction, rows do not affect each other
     state.smooth_torques();
     double before = 0.0, after = 0.0;
     for (std::size_t i = 0; i < 300; ++i) {

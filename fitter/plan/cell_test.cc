@@ -35,13 +35,13 @@ bool allowed(const json& cell, double q1, double q2) {
   return admissible(kinematics, q, Cell::from_json(cell));
 }
 
-TEST(Cell, BoxHoldsTheToolPoint) {
+TEST(Cell, BoxLimitsTheToolPoint) {
   const json cell{{"box", {{2.4, 2.6}, {-0.1, 0.1}, {-0.1, 0.1}}}};
   EXPECT_TRUE(allowed(cell, 0.0, 0.0));  // stretched along x: at 2.5 m
   EXPECT_FALSE(allowed(cell, 0.2, 0.0));
 }
 
-TEST(Cell, FloorHoldsJointsAndTool) {
+TEST(Cell, FloorLimitsJointsAndTool) {
   json upright = planar();
   // Turned so that the plane of the arm stands upright: joint angles tilt it in x and z.
   upright["kinematics"]["joints"][0]["rpy"] = {-std::numbers::pi / 2, 0.0, 0.0};
@@ -61,7 +61,7 @@ TEST(Cell, FloorHoldsJointsAndTool) {
   EXPECT_FALSE(heights(sign * 0.3, -sign * 1.5));  // elbow above, tool below
 }
 
-TEST(Cell, SightIsBlockedByTheArmAndBoundedByTheReflector) {
+TEST(Cell, SightIsLimitedByArmAndReflectorOpening) {
   // The arm folds back over itself: the tool lies half a metre off the base, behind the elbow.
   const json side{{"tracker", {0.0, 5.0, 0.0}}, {"clearance", 0.1}};
   EXPECT_TRUE(allowed(side, 0.0, 0.0));
@@ -75,14 +75,14 @@ TEST(Cell, SightIsBlockedByTheArmAndBoundedByTheReflector) {
   EXPECT_FALSE(allowed(facing, 0.0, 0.0));
 }
 
-TEST(Cell, SaysWhatIsOutOfOrder) {
+TEST(Cell, InvalidCell_ThrowsModelError) {
   EXPECT_THROW(Cell::from_json({{"box", {{1.0, 0.0}, {0.0, 1.0}, {0.0, 1.0}}}}), ModelError);
   EXPECT_THROW(Cell::from_json({{"tracker", {1.0, 2.0}}}), ModelError);
   EXPECT_THROW(Cell::from_json({{"opening", {0.0, 0.0, 0.0}}}), ModelError);
   EXPECT_THROW(Cell::from_json({{"clearance", -1.0}}), ModelError);
 }
 
-TEST(JointRanges, AreLimitsLessAMarginOrWhatWasRecorded) {
+TEST(JointRanges, AreLimitsOrRecordedRangesLessAMargin) {
   json robot_json = planar();
   robot_json["kinematics"]["joints"][1].erase("limits");
   const Robot robot = Robot::from_json(robot_json);
@@ -94,7 +94,7 @@ TEST(JointRanges, AreLimitsLessAMarginOrWhatWasRecorded) {
   EXPECT_THROW(joint_ranges(Robot::from_json(robot_json), {}), ModelError);
 }
 
-TEST(ReachablePoses, KeepToRangesAndCellAndReachTheEnds) {
+TEST(ReachablePoses, StayInRangesAndCell_OnlyEdgeSpreadIsOftenAtEnds) {
   const Robot robot = Robot::from_json(planar());
   const Eigen::MatrixX2d ranges = joint_ranges(robot, {});
   const Cell cell = Cell::from_json({{"box", {{0.0, 3.0}, {-3.0, 3.0}, {-1.0, 1.0}}}});

@@ -19,7 +19,7 @@ std::vector<bool> all_of(const Criterion& criterion) {
   return std::vector<bool>(criterion.count(), true);
 }
 
-// A random linear problem: so many measurements of three rows, and a start that knows little.
+// A random linear problem: possible measurements of three rows each, and a start of other rows.
 struct LinearProblem {
   Eigen::MatrixXd jacobian, start;
   Eigen::VectorXd difference, gradient;
@@ -72,7 +72,7 @@ struct LinearProblem {
 class ChoiceOfMeasurements : public ::testing::TestWithParam<int> {};
 INSTANTIATE_TEST_SUITE_P(Seeds, ChoiceOfMeasurements, ::testing::Range(0, 8));
 
-TEST_P(ChoiceOfMeasurements, FollowsEveryAdditionAndRemovalAsIfSolvedAnew) {
+TEST_P(ChoiceOfMeasurements, AddAndRemoveMatchANewSolution) {
   const LinearProblem problem(12, 5, static_cast<std::uint64_t>(GetParam()));
   MeasurementChoice choice = problem.choice();
   std::mt19937_64 generator(static_cast<std::uint64_t>(GetParam()) + 100);
@@ -97,7 +97,7 @@ TEST_P(ChoiceOfMeasurements, FollowsEveryAdditionAndRemovalAsIfSolvedAnew) {
   }
 }
 
-TEST(MeasurementChoice, SurvivesTakingOutWhatAloneTellsSomething) {
+TEST(MeasurementChoice, RemovingTheOnlyInformation_KeepsPrecision) {
   LinearProblem problem(4, 6, 3);
   problem.start = 1e-6 * Eigen::MatrixXd::Identity(6, 6);
   problem.gradient.setZero();
@@ -152,7 +152,7 @@ TEST_P(ChoiceOfMeasurements, ExchangeComesNearTheBestOfAllChoices) {
   EXPECT_GT(found - mean, 0.9 * (best - mean));
 }
 
-TEST_P(ChoiceOfMeasurements, TheLeastEvidenceOfSeveralPairsIsRaised) {
+TEST_P(ChoiceOfMeasurements, TOptimalChoice_LeastOfPairsBeatsRandomChoices) {
   const LinearProblem first(40, 4, static_cast<std::uint64_t>(GetParam()) + 60);
   const LinearProblem second(40, 4, static_cast<std::uint64_t>(GetParam()) + 80);
   const auto least_of = [&](const std::vector<std::size_t>& rows) {
@@ -169,7 +169,7 @@ TEST_P(ChoiceOfMeasurements, TheLeastEvidenceOfSeveralPairsIsRaised) {
   }
 }
 
-TEST(ChooseBest, TakesEverythingWhereMoreIsAskedForThanThereIs) {
+TEST(ChooseBest, CountAboveAvailable_TakesAll) {
   const LinearProblem problem(3, 2, 1);
   DOptimality criterion(MeasurementChoice(problem.jacobian, kEquationsPerRow, problem.start));
   std::vector<std::size_t> chosen = choose_best(criterion, 10, all_of(criterion));
@@ -177,7 +177,7 @@ TEST(ChooseBest, TakesEverythingWhereMoreIsAskedForThanThereIs) {
   EXPECT_EQ(chosen, (std::vector<std::size_t>{0, 1, 2}));
 }
 
-TEST_P(ChoiceOfMeasurements, OnlyWhatIsAllowedIsChosen) {
+TEST_P(ChoiceOfMeasurements, ChooseBestTakesOnlyAllowedMeasurements) {
   const LinearProblem problem(30, 4, static_cast<std::uint64_t>(GetParam()) + 90);
   DOptimality criterion(MeasurementChoice(problem.jacobian, kEquationsPerRow, problem.start));
   std::vector<bool> even(30, false);
@@ -185,7 +185,7 @@ TEST_P(ChoiceOfMeasurements, OnlyWhatIsAllowedIsChosen) {
   for (const std::size_t i : choose_best(criterion, 8, even)) EXPECT_TRUE(even[i]) << i;
 }
 
-TEST(ChooseRandom, GivesDifferentNumbersEachAsOftenAsTheOthers) {
+TEST(ChooseRandom, NumbersAreDistinctAndEquallyFrequent) {
   std::mt19937_64 generator(3);
   std::vector<int> hits(10, 0);
   for (int draw = 0; draw < 2000; ++draw) {

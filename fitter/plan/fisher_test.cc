@@ -34,7 +34,7 @@ struct Spectra {
   Eigen::MatrixXd information;
 };
 
-TEST(FisherSpectrum, HasTheInformationInUnitsOfTheReading) {
+TEST(FisherSpectrum, EigenvaluesAreInUnitsOfTheReadingsSigma) {
   const Spectra spectra;
   const FisherSpectrum found = spectra.at(kSigma_m);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> expected(spectra.information);
@@ -48,7 +48,7 @@ TEST(FisherSpectrum, HasTheInformationInUnitsOfTheReading) {
 }
 
 // Mean over the reachable poses of the trace of J C Jᵀ.
-TEST(FisherSpectrum, PredictsThePosesThatCanBeReached) {
+TEST(FisherSpectrum, PredictionRmsIsOverTheReachablePoses) {
   const Spectra spectra;
   const Eigen::MatrixXd covariance = spectra.information.inverse();
   const Eigen::MatrixXd& jacobian = spectra.linearised->jacobian();

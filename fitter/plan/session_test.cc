@@ -74,7 +74,7 @@ double way(const Menu& menu, const Rows& rows) {
   return sum;
 }
 
-// Rows of a mask, so many at random.
+// `count` random rows of a mask.
 Rows some_of(const std::vector<bool>& mask, std::size_t count, std::mt19937_64& generator) {
   Rows allowed;
   for (std::size_t row = 0; row < mask.size(); ++row) {
@@ -86,7 +86,7 @@ Rows some_of(const std::vector<bool>& mask, std::size_t count, std::mt19937_64& 
   return rows;
 }
 
-// Least changes of payload over blocks that stand in this order, by trying every order in each.
+// Fewest payload changes over blocks in this order, by trying every order within each block.
 std::size_t least_payload_changes(std::vector<std::vector<double>> blocks, std::size_t from = 0,
                                   std::vector<double> before = {}) {
   if (from == blocks.size()) return changes(before);
@@ -104,7 +104,7 @@ std::size_t least_payload_changes(std::vector<std::vector<double>> blocks, std::
 const Levels kThermal{
     {"payload", {0.0, 8.0, 16.0}}, {"temp_arm", {20.0, 27.0, 33.0}}, {"time", {0.0, 3e3, 6e3}}};
 
-TEST(Sessions, WhateverIsChosenOfOneCanBeRun) {
+TEST(Sessions, AnyChoiceFromOneSession_CanBeRun) {
   const Robot robot = two_joints();
   const Menu menu = menu_of(kThermal, 300, 1);
   const std::vector<std::vector<bool>> all = sessions(menu);
@@ -125,7 +125,7 @@ TEST(Sessions, WhateverIsChosenOfOneCanBeRun) {
   }
 }
 
-TEST(Sessions, LeaveNothingOutBetweenThem) {
+TEST(Sessions, TogetherContainEveryRow_RisingAndFalling) {
   const Menu menu = menu_of(kThermal, 300, 3);
   std::vector<bool> reached(300, false);
   bool rising = false, falling = false;
@@ -142,7 +142,7 @@ TEST(Sessions, LeaveNothingOutBetweenThem) {
   EXPECT_TRUE(falling);
 }
 
-TEST(Sessions, AreOneWhereNothingTiesTemperatureToTime) {
+TEST(Sessions, WithoutLevelsOfTime_ThereIsOneSession) {
   Levels levels = kThermal;
   levels.erase("time");
   EXPECT_EQ(sessions(menu_of(levels, 50, 4)).size(), 1U);
@@ -150,7 +150,7 @@ TEST(Sessions, AreOneWhereNothingTiesTemperatureToTime) {
   EXPECT_EQ(sessions(menu_of(levels, 50, 4)).size(), 1U);
 }
 
-TEST(Sessions, StayFewWithManyLevels) {
+TEST(Sessions, ManyLevels_GiveAtMost24Sessions) {
   Levels levels;
   for (int k = 0; k < 20; ++k) {
     levels["temp_arm"].push_back(15.0 + k);
@@ -161,7 +161,7 @@ TEST(Sessions, StayFewWithManyLevels) {
   EXPECT_EQ(std::set(all.begin(), all.end()).size(), all.size());
 }
 
-TEST(RunOrder, ChangesThePayloadAsSeldomAsTemperatureAndTimeAllow) {
+TEST(RunOrder, PayloadChangesAreFewestForTemperatureAndTime) {
   const Robot robot = two_joints();
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
     const Menu menu = menu_of(kThermal, 200, seed);
@@ -184,7 +184,7 @@ TEST(RunOrder, ChangesThePayloadAsSeldomAsTemperatureAndTimeAllow) {
   }
 }
 
-TEST(RunOrder, GoesAShortWay) {
+TEST(RunOrder, TravelIsBelow40PercentOfTheGivenOrder) {
   const Robot robot = two_joints();
   const Menu menu = menu_of({{"payload", {0.0, 8.0}}}, 80, 6);
   Rows by_payload(80);

@@ -1,4 +1,4 @@
-// How long a fit takes, where the time goes, and how it grows. Run by `./dev bench`.
+// Duration of a fit and of its parts, and its growth with the number of rows. Run by `./dev bench`.
 #include <benchmark/benchmark.h>
 
 #include <nlohmann/json.hpp>
@@ -12,7 +12,7 @@ namespace {
 using nlohmann::json;
 using testing::Problem;
 
-// Six axes with masses, full geometry and two springs: 47 columns, of which the data tell 29 apart.
+// Six axes with masses, full geometry and two springs: 47 columns, of which the data determine 29.
 json compliant_model() {
   json model = testing::geometry_model();
   model["effects"].push_back("joint_compliance");
@@ -65,8 +65,8 @@ void BuildDesign(benchmark::State& state) {
 }
 BENCHMARK(BuildDesign)->Unit(benchmark::kMillisecond);
 
-// One pass over all rows: kinematics, Jacobian, whitening. The least it can cost is counted in
-// tests/speed/fit_speed.py.
+// One pass over all rows: kinematics, Jacobian, whitening. Its least possible cost is counted
+// in tests/speed/fit_speed.py.
 void Evaluate(benchmark::State& state) {
   const Problem p = problem(300);
   Design design = p.make_design();

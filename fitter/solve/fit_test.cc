@@ -34,7 +34,7 @@ std::unique_ptr<Fit> fit_of(const Problem& p, const json& model = testing::geome
   return Fit::run(p.robot, p.columns, ModelSpecification::from_json(model), options);
 }
 
-TEST(Fit, ReachesTheNoise) {
+TEST(Fit, Geometry_ErrorsReachTheNoise) {
   const Problem p = geometry_problem(51);
   const auto fit = fit_of(p);
   EXPECT_NEAR(fit->train_error().rms, 1e-5 * std::sqrt(3.0), 2.5e-6);
@@ -45,8 +45,8 @@ TEST(Fit, ReachesTheNoise) {
 }
 
 TEST(Fit, DataWithoutNoiseAreFittedWithoutError) {
-  // A warm base that tilts turns, in second order, what is one number in first order (the first
-  // axis's zero and the base's turn) into two: to tell them apart must not cost the effect.
+  // The first axis's zero and the base's turn are one number to first order. A base that tilts as
+  // it warms makes them two to second order: this must not make the effect unobservable.
   for (const char* effect : {"thermal_base", "time_drift"}) {
     Random random(57);
     json model = testing::geometry_model();
@@ -62,14 +62,14 @@ TEST(Fit, DataWithoutNoiseAreFittedWithoutError) {
   }
 }
 
-TEST(Fit, FindsTheNoiseThatNobodyStated) {
+TEST(Fit, UnstatedNoise_IsEstimated) {
   const Problem p = geometry_problem(52, {300, true, 1, 4e-5, 7e-5, {}});
   const auto fit = fit_of(p);
   EXPECT_NEAR(fit->measurements().typical_sigma, 4e-5, 3e-6);
   EXPECT_NEAR(fit->measurements().sigma_rotation, 7e-5, 6e-6);
 }
 
-TEST(Fit, BumpedReflectorsAreFoundNamedAndKeptOut) {
+TEST(Fit, BumpedReflectors_AreRejectedAndListed) {
   Problem p = geometry_problem(53);
   const auto clean = fit_of(p);
   const std::set<std::size_t> bumped{4, 5, 31, 77, 78, 79, 118};
@@ -86,14 +86,14 @@ TEST(Fit, BumpedReflectorsAreFoundNamedAndKeptOut) {
   EXPECT_EQ(fit->document()["rejected"].size(), bumped.size());
 }
 
-TEST(Fit, HonestRowsAreKept) {
+TEST(Fit, WithoutGrossErrors_NoRowIsRejected) {
   for (std::uint64_t seed = 60; seed < 70; ++seed)
     EXPECT_TRUE(fit_of(geometry_problem(seed))->rejected().empty()) << seed;
 }
 
-TEST(Fit, SigmasHoldHoweverOftenAVisitWasMeasured) {
-  // What the arm scatters from visit to visit is in all shots of one. What noise does to a
-  // coefficient must be as large as its sigma says.
+TEST(Fit, SigmasHoldForRepeatedShotsOfAVisit) {
+  // All shots of a visit share the arm's scatter of that visit. The error of a coefficient by noise
+  // must be as large as its sigma.
   const std::size_t poses = 60, shots = 5;
   for (const double shared : {0.0, 3e-5}) {
     double squares = 0.0, count = 0.0;
@@ -133,8 +133,8 @@ TEST(Fit, SigmasHoldHoweverOftenAVisitWasMeasured) {
 }
 
 TEST(Fit, SigmasHoldWhereAJointDoesNotRepeat) {
-  // What joint 1 scatters lies in the horizontal. Taken as scatter in all directions, it makes what
-  // lifts the tool seem less known than it is.
+  // The scatter of joint 1 is horizontal. Treated as scatter in all directions, it would make
+  // parameters that lift the tool seem less certain than they are.
   double squares = 0.0, count = 0.0;
   for (std::uint64_t seed = 300; seed < 360; ++seed) {
     Problem p = geometry_problem(seed, {120, false, 1, 0.0, 0.0, {}});
@@ -157,7 +157,7 @@ TEST(Fit, SigmasHoldWhereAJointDoesNotRepeat) {
   EXPECT_NEAR(std::sqrt(squares / count), 1.0, 0.2);
 }
 
-TEST(Fit, AStartElsewhereEndsAtTheSameSolution) {
+TEST(Fit, WarmStart_ReachesTheSameSolutionInFewerSteps) {
   const Problem p = geometry_problem(58);
   const auto cold = fit_of(p);
   FitOptions options;
@@ -172,7 +172,7 @@ TEST(Fit, AStartElsewhereEndsAtTheSameSolution) {
   EXPECT_EQ(warm->options().start, nullptr);
 }
 
-TEST(Fit, OneThatKeepsTheWeightsOfItsStartEndsWhereAFullOneDoes) {
+TEST(Fit, KeptWeightsOfTheStart_MatchAFullFit) {
   const json geometry = testing::geometry_model();
   json tables = geometry, whole = geometry;
   tables["effects"].push_back("transmission_pwl");
@@ -196,16 +196,16 @@ TEST(Fit, OneThatKeepsTheWeightsOfItsStartEndsWhereAFullOneDoes) {
   EXPECT_EQ(kept->smoothness_sigma(), start->smoothness_sigma());
   EXPECT_NEAR(kept->held_out_error().mean, full->held_out_error().mean,
               0.02 * full->held_out_error().mean);
-  // It refines the scale of the noise from where the start had it; a full fit begins at the stated
-  // one, and neither iterates until it stands.
+  // The fit refines the noise scale from the start's value; a full fit begins at the stated noise,
+  // and neither iterates to convergence.
   EXPECT_NEAR(kept->noise_scale(), start->noise_scale(), 0.02 * start->noise_scale());
-  // Tables that did not stand in the start are weighed first.
+  // Tables that the start does not contain need their weights determined first.
   options.start = std::make_shared<StartPoint>(fit_of(p, geometry)->start_point());
   EXPECT_FALSE(fit_of(p, whole, options)->kept_weights());
 }
 
-// While something turned the tool that the model lacked, orientations were worth less to positions.
-TEST(Fit, OrientationsRegainTheirWeightOnceTheirCauseIsInTheModel) {
+// While the model lacked an effect that turns the tool, orientations had less weight.
+TEST(Fit, MissingEffectAdded_OrientationsRegainTheirWeight) {
   json lacking = testing::geometry_model();
   lacking["effects"].push_back("transmission_pwl");
   json whole = lacking;
@@ -229,8 +229,8 @@ TEST(Fit, OrientationsRegainTheirWeightOnceTheirCauseIsInTheModel) {
               0.3 * fresh->measurements().sigma_rotation);
 }
 
-// What an effect that the model lacks does to many rows is not a gross error.
-TEST(Fit, AMissingEffectIsNotRejectedAway) {
+// The errors that a missing effect causes in many rows are not gross errors.
+TEST(Fit, MissingEffect_CausesNoRejectedRows) {
   Random random(54);
   json truth = testing::geometry_model();
   truth["effects"].push_back({{"effect", "gear_harmonics"}, {"joints", {2}}});
@@ -242,7 +242,7 @@ TEST(Fit, AMissingEffectIsNotRejectedAway) {
 }
 
 // The tracker lost one reading: from there on each row holds the position of the next pose.
-TEST(Fit, ABlockOfRowsThatBelongToOtherPosesIsKeptOut) {
+TEST(Fit, BlockOfRowsShiftedByOnePose_IsRejected) {
   Problem p = geometry_problem(57, {150, false, 1, 1e-5, 2e-5, {}});
   const auto right = fit_of(p);
   const std::size_t rows = p.columns["x"].size(), lost = rows - rows / 5;
@@ -257,7 +257,7 @@ TEST(Fit, ABlockOfRowsThatBelongToOtherPosesIsKeptOut) {
   EXPECT_LT(fit->held_out_error().mean, 1.2 * right->held_out_error().mean);
 }
 
-TEST(Fit, HeldOutErrorsAreThoseOfRealRefits) {
+TEST(Fit, HeldOutErrorsMatchRefits) {
   const Problem p = geometry_problem(55, {90, false, 1, 1e-5, 2e-5, {}});
   FitOptions options;
   options.reject_gross_errors = false;
@@ -313,7 +313,7 @@ TEST(Fit, DocumentPredictsWhatTheFitPredicts) {
   }
 }
 
-TEST(Fit, FixedParametersStayAndPriorsPull) {
+TEST(Fit, FixedParametersStayAndPriorsAreObeyed) {
   const Problem p = geometry_problem(57);
   json model = testing::geometry_model();
   model["parameters"]["joint_offset[2]"] = {{"fixed", 1e-3}};
@@ -339,8 +339,8 @@ TEST(Fit, HeldParametersStandAtNominal) {
   }
 }
 
-// The instrument's ellipsoids as weights: a far reflector across the line of sight counts less.
-TEST(Fit, InstrumentWeightsBeatNone) {
+// The instrument's ellipsoids are weights: a far reflector counts less across the line of sight.
+TEST(Fit, InstrumentWeights_LowerTheError) {
   Random random(59);
   Instrument tracker;
   tracker.position = {0.0, 0.0, 0.0};
@@ -381,7 +381,7 @@ TEST(Fit, InstrumentWeightsBeatNone) {
   EXPECT_LT(weighted, 0.7 * plain);
 }
 
-TEST(Instrument, IsReadAsModelYamlHasIt) {
+TEST(Instrument, FromJsonReadsTheFormOfModelYaml) {
   const Instrument i = Instrument::from_json(json::parse(
       R"({"position": [1, 2, 3], "radial": {"a": 5e-6, "b": 5e-7}, "angular": {"a": 7e-6}})"));
   EXPECT_EQ(i.position, Eigen::Vector3d(1, 2, 3));
@@ -415,7 +415,7 @@ TEST(Fit, NoiseFloorComesFromRepeatsThenFromSigma) {
   EXPECT_NEAR(fit->noise_floor().mean, 1e-5 * 1.596, 1.5e-6);
 }
 
-TEST(Fit, NoiseFloorComesFromDistancesBetweenReflectorsWhereNothingElseTells) {
+TEST(Fit, NoiseFloor_WithoutRepeatsOrSigma_IsFromReflectors) {
   // Rows i, i+1, i+2 are three reflectors at one pose: rigid, so that distances scatter by noise
   // alone.
   const std::size_t poses = 60;
@@ -439,9 +439,9 @@ TEST(Fit, NoiseFloorComesFromDistancesBetweenReflectorsWhereNothingElseTells) {
   EXPECT_NEAR(fit->noise_floor().mean, 2e-5 * 1.596, 3e-6);
 }
 
-TEST(Fit, AFloorFromVisitsHoursApartIsNoMoreThanWhatTheFitLeaves) {
-  // Twelve poses of the beginning measured again at the end, after the base has moved; the model
-  // knows of no time.
+TEST(Fit, NoiseFloorOfDriftedRepeats_IsLimitedByTheResiduals) {
+  // Twelve poses of the beginning are measured again at the end, after the base has moved; the
+  // model does not depend on time.
   Problem p = geometry_problem(78, {120, false, 1, 1e-5, 2e-5, {}});
   for (std::size_t i = 0; i < 120; ++i) {
     p.columns["time"].resize(120);
@@ -470,7 +470,7 @@ TEST(Fit, RefusesTooFewPoses) {
   EXPECT_THROW(fit_of(geometry_problem(73, {3, false, 1, 1e-5, 2e-5, {}})), ModelError);
 }
 
-TEST(Fit, FewPosesGiveAFiniteAnswer) {
+TEST(Fit, FivePoses_GiveFiniteResults) {
   const auto fit = fit_of(geometry_problem(74, {5, false, 1, 1e-5, 2e-5, {}}));
   EXPECT_TRUE(fit->covariance().allFinite());
   for (const json parameters = fit->document()["parameters"]; const json& q : parameters)
@@ -482,8 +482,8 @@ TEST(Fit, SameInputSameOutput) {
   EXPECT_EQ(fit_of(p)->document().dump(), fit_of(p)->document().dump());
 }
 
-// Two coefficients of which the data know little but the sum are charged as little more than one.
-TEST(Fit, ChargesLittleForWhatTheDataHardlyKnow) {
+// If the data determine little but the sum of two coefficients, both cost little more than one.
+TEST(Fit, WeaklyDeterminedCoefficient_IsChargedLittle) {
   const Problem p = geometry_problem(67);
   const auto with = [&](const std::vector<std::string>& expressions) {
     json model = testing::geometry_model();

@@ -19,8 +19,8 @@ std::unique_ptr<Fit> fitted(bool with_rotation) {
   return Fit::run(p.robot, p.columns, ModelSpecification::from_json(testing::geometry_model()), {});
 }
 
-// 3 N log of the residuals' squares, position and orientation each for itself, and what the
-// unknowns cost (Schwarz 1978): true where no pose is repeated and no row rejected.
+// 3 N log of the sum of squares, of positions and of orientations, plus the charge for unknowns
+// (Schwarz 1978): valid if no pose is repeated and no row rejected.
 double expected_of(Fit& fit) {
   double position = 0.0, rotation = 0.0;
   Design& design = fit.design();
@@ -37,7 +37,7 @@ double expected_of(Fit& fit) {
   return value + fit.charge_for_unknowns(rows * design.residuals_per_row());
 }
 
-TEST(BayesianInformation, IsTheLikelihoodOfPositionsAndOrientationsLessTheUnknowns) {
+TEST(BayesianInformation, SumsPositionAndOrientationTermsAndTheCharge) {
   for (const bool with_rotation : {false, true}) {
     const std::unique_ptr<Fit> fit = fitted(with_rotation);
     EXPECT_NEAR(bayesian_information(*fit), expected_of(*fit), 1e-6) << with_rotation;
@@ -45,7 +45,7 @@ TEST(BayesianInformation, IsTheLikelihoodOfPositionsAndOrientationsLessTheUnknow
 }
 
 // Each rejected row is charged with 64 times the mean square residual of those that are kept.
-TEST(BayesianInformation, NeverGainsByRejecting) {
+TEST(BayesianInformation, RejectingARow_RaisesBic) {
   const std::unique_ptr<Fit> fit = fitted(false);
   const double all = bayesian_information(*fit);
   Design& design = fit->design();

@@ -14,7 +14,7 @@ using nlohmann::json;
 using testing::Problem;
 using testing::Random;
 
-// An arm with a balancer of which ratio and phase are searched for, and its design at the solution.
+// An arm with a balancer whose ratio and phase are searched for, and its design at the solution.
 struct Balanced {
   Balanced() {
     Random random(302);
@@ -37,7 +37,7 @@ struct Balanced {
 };
 
 // Steps from so far away overshoot: without damping the cost would rise.
-TEST(LeastSquares, ComesBackFromFarAway) {
+TEST(LeastSquares, FarStart_ConvergesToTheSameCost) {
   Balanced b;
   Design& design = b.fit->design();
   const SolveSummary at_solution = solve(design, b.fit->smoothness_sigma());
@@ -53,7 +53,7 @@ TEST(LeastSquares, ComesBackFromFarAway) {
   }
 }
 
-TEST(LeastSquares, OnTheWayEndsNearTheSolutionAsWell) {
+TEST(LeastSquares, AccuracyOnTheWay_CostIsWithinOnePercent) {
   Balanced b;
   Design& design = b.fit->design();
   std::vector<double> away = b.solution;
@@ -66,9 +66,9 @@ TEST(LeastSquares, OnTheWayEndsNearTheSolutionAsWell) {
   EXPECT_NEAR(near.cost, full.cost, 1e-2 * full.cost);
 }
 
-// A nonlinear parameter that wants to leave its range stays at the edge, and all others are where
-// they are best for it there.
-TEST(LeastSquares, ABoundHoldsAndTheOthersAreBestBesideIt) {
+// A nonlinear parameter whose best value is outside its range stays at the limit, and all others
+// are optimal for it there.
+TEST(LeastSquares, ParameterAtItsLimit_OthersAreOptimal) {
   Balanced b;
   Model model = b.fit->model();
   const double edge = b.solution.back() - 0.05;
@@ -81,7 +81,7 @@ TEST(LeastSquares, ABoundHoldsAndTheOthersAreBestBesideIt) {
   const SolveSummary bounded = solve(design, b.fit->smoothness_sigma());
   EXPECT_TRUE(bounded.converged) << bounded.message;
   EXPECT_EQ(design.unknown_values().back(), edge);
-  // The gradient of all others is zero: no change of them gains anything.
+  // The gradient of all others is zero: no change of them lowers the cost.
   const std::vector<double> found = design.unknown_values();
   const Eigen::VectorXd spreads = b.fit->covariance().diagonal().cwiseSqrt();
   for (std::size_t u = 0; u + 1 < found.size(); ++u) {

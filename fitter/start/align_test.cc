@@ -17,7 +17,7 @@ using testing::Random;
 
 constexpr double kDegrees = std::numbers::pi / 180.0;
 
-// Errors as the field has them: tenths of a degree, tenths of a millimetre.
+// Errors of usual size: tenths of a degree, tenths of a millimetre.
 auto field_errors(Random& random) {
   return [&random](const Parameter& p) {
     if (p.effect == "base_frame" || p.effect == "tool_offset") return 0.0;
@@ -34,11 +34,11 @@ Alignment align_of(const Robot& robot, const State::Columns& columns) {
   return align(state, Measurements::from_state(state, std::nullopt, 1e-5, 2e-5));
 }
 
-// Any arm, any base, any reflectors, and no word about where they are.
+// Random arms, bases and reflectors, without an initial guess.
 class AlignAnyArm : public ::testing::TestWithParam<int> {};
 INSTANTIATE_TEST_SUITE_P(Seeds, AlignAnyArm, ::testing::Range(0, 24));
 
-TEST_P(AlignAnyArm, FindsBaseAndToolFromNothing) {
+TEST_P(AlignAnyArm, FindsBaseAndToolWithoutInitialGuess) {
   Random random(static_cast<unsigned>(400 + GetParam()));
   const int joints = 4 + GetParam() % 4;
   const std::vector<int> prismatic = GetParam() % 3 == 0 ? std::vector<int>{1} : std::vector<int>{};
@@ -66,7 +66,7 @@ TEST_P(AlignAnyArm, FindsBaseAndToolFromNothing) {
   }
 }
 
-TEST_P(AlignAnyArm, IsExactOnAnExactArm) {
+TEST_P(AlignAnyArm, ArmWithoutErrors_GivesExactResult) {
   Random random(static_cast<unsigned>(500 + GetParam()));
   const Problem p(testing::random_chain(random, 6), testing::geometry_model(), {12}, random,
                   nothing);
@@ -89,9 +89,8 @@ TEST(Align, ReportsMillimetresAsAScale) {
             0.02);
 }
 
-// Degrees read as radians fit no base and tool: the distance left says so, and nothing is silently
-// fitted.
-TEST(Align, DegreesAsRadiansLeaveDecimetres) {
+// With degrees read as radians, no base and tool fit: the remaining distance shows the mistake.
+TEST(Align, DegreesReadAsRadians_LeaveMoreThanADecimetre) {
   Random random(22);
   Problem p(testing::industrial_arm(), testing::geometry_model(), {60}, random, nothing);
   for (int k = 1; k <= 6; ++k) {
@@ -100,7 +99,7 @@ TEST(Align, DegreesAsRadiansLeaveDecimetres) {
   EXPECT_GT(align_of(p.robot, p.columns).rms_m, 0.1);
 }
 
-TEST(Align, BumpedReflectorsDoNotCount) {
+TEST(Align, BumpedReflectors_HardlyMoveTheResult) {
   Random random(23);
   Problem p(testing::industrial_arm(), testing::geometry_model(), {60}, random, nothing);
   for (const std::size_t row : {3u, 17u, 18u, 40u, 55u, 59u}) p.columns["y"][row] += 0.2;
@@ -111,9 +110,9 @@ TEST(Align, BumpedReflectorsDoNotCount) {
   EXPECT_LT(found.residual_m[16], 5e-3);
 }
 
-// Poses that hardly turn the reflector, as a session in a corner of the cell has them, still give a
-// base near the truth.
-TEST(Align, WorksInACornerOfTheWorkspace) {
+// Poses in a corner of the cell hardly turn the reflector, but must still give a base near the
+// truth.
+TEST(Align, CornerOfTheWorkspace_GivesTheTrueBase) {
   Random random(24);
   json robot = testing::industrial_arm();
   for (json& joint : robot["kinematics"]["joints"]) joint["limits"] = {-0.35, 0.35};
@@ -124,8 +123,8 @@ TEST(Align, WorksInACornerOfTheWorkspace) {
             1e-3);
 }
 
-// One joint moving about one axis: the tool along it and the base about it are free, yet what is
-// returned must reproduce the points.
+// If only one joint moves, the tool along its axis and the base about it are undetermined, but the
+// result must reproduce the points.
 TEST(Align, DegenerateMotionStillReproducesThePoints) {
   Random random(25);
   json robot = testing::industrial_arm();

@@ -40,8 +40,8 @@ std::unique_ptr<Fit> with_balancer() {
                   ModelSpecification::from_json(with_effect({{"effect", "gravity_balancer"}})), {});
 }
 
-// Whoever is told the geometry of a balancer fits no better than who has to search for it.
-TEST(StartSearch, FindsABalancerWhereverItsPivotsAre) {
+// A fit with the balancer's true geometry given is no better than one that has to search for it.
+TEST(StartSearch, FindsABalancerOfAnyRatioAndPhase) {
   Random random(301);
   for (int trial = 0; trial < 12; ++trial) {
     const json told{{"effect", "gravity_balancer"},
@@ -60,9 +60,9 @@ TEST(StartSearch, FindsABalancerWhereverItsPivotsAre) {
   }
 }
 
-// What is linear is solved on the way: the unknowns that come back are where the descent ends, but
+// Linear unknowns are solved within the search: it returns the point where the descent ends, except
 // for the chain's curvature.
-TEST(StartSearch, LeavesLittleToTheDescent) {
+TEST(StartSearch, ResultIsCloseToTheEndOfTheDescent) {
   const auto fit = with_balancer();
   Design& design = fit->design();
   const std::vector<double> end = design.unknown_values();

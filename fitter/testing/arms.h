@@ -1,5 +1,4 @@
-// Arms and measurements for tests: random chains of every kind that the model knows, drawn from a
-// seed.
+// Arms and measurements for tests: random chains of every kind in the model, drawn from a seed.
 #pragma once
 
 #include <Eigen/Core>
@@ -22,7 +21,7 @@ inline double uniform(Random& random, double low, double high) {
 }
 
 inline double normal(Random& random, double sigma) {
-  // (The library's own distribution does not allow a sigma of 0.)
+  // std::normal_distribution itself does not allow a sigma of 0.
   return sigma * std::normal_distribution<double>(0.0, 1.0)(random);
 }
 
@@ -30,8 +29,8 @@ inline Eigen::Vector3d normal3(Random& random, double sigma) {
   return {normal(random, sigma), normal(random, sigma), normal(random, sigma)};
 }
 
-// Here and below every random number is drawn in a statement of its own: in which order the
-// arguments of a call are evaluated is the compiler's choice, and all must make the same arms.
+// Here and below, each random number is drawn in its own statement: compilers differ in the order
+// in which they evaluate a call's arguments, and all of them must make the same arms.
 inline Eigen::Matrix3d random_rotation(Random& random) {
   Eigen::Vector4d zyxw;
   for (double& coefficient : zyxw) coefficient = normal(random, 1.0);
@@ -61,7 +60,7 @@ inline nlohmann::json random_chain(Random& random, int joints,
   return {{"name", "random"}, {"kinematics", {{"convention", "mdh"}, {"joints", rows}}}};
 }
 
-/// Link masses and centres of mass as an arm of some tens of kilograms has them.
+/// Link masses and centres of mass of an arm of some tens of kilograms.
 inline void add_links(Random& random, nlohmann::json& robot) {
   robot["links"] = nlohmann::json::array();
   for (std::size_t k = 0; k < robot["kinematics"]["joints"].size(); ++k) {
@@ -98,7 +97,7 @@ inline State::Columns random_joints(const Robot& robot, std::size_t rows, Random
   return columns;
 }
 
-/// Every column that an effect may read, besides the joints.
+/// Adds every column that an effect may read, except the joints.
 inline void add_recorded_state(const Robot& robot, Random& random, State::Columns& columns) {
   const std::size_t rows = columns.at("q1").size();
   for (std::size_t i = 0; i < rows; ++i) {
@@ -130,7 +129,7 @@ inline void set_measured(const std::vector<Pose>& poses, bool with_rotation,
   }
 }
 
-/// A pose of a robot base some metres away, turned at will.
+/// A robot base some metres away, in a random orientation.
 inline Pose random_base(Random& random) {
   Pose pose = Pose::Identity();
   pose.linear() = random_rotation(random);
@@ -148,7 +147,7 @@ inline Pose random_tool(Random& random) {
   return pose;
 }
 
-/// Nominal geometry only: what the model starts from.
+/// The initial model: geometry only.
 inline nlohmann::json geometry_model() {
   return {{"effects", {"base_frame", "tool_offset", "joint_offset", "link_geometry"}}};
 }

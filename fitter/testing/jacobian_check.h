@@ -1,4 +1,4 @@
-// Puts a Jacobian beside another one, entry by entry, and says where they part. Itself tested in
+// Compares two Jacobians entry by entry and gives the place of their largest difference. Tested in
 // jacobian_check_test.cc.
 #pragma once
 

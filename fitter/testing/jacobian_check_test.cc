@@ -17,12 +17,12 @@ Eigen::MatrixXd slope(const Eigen::VectorXd& x) {
 
 const Eigen::Vector2d kAt(0.7, -0.4);
 
-TEST(JacobianCheck, AcceptsTheRightOne) {
+TEST(JacobianCheck, AcceptsTheCorrectJacobian) {
   const Eigen::MatrixXd numeric = numeric_jacobian(curve, kAt, Eigen::Vector2d::Ones());
   EXPECT_LT(compare_jacobians(slope(kAt), numeric).worst, 1e-8);
 }
 
-TEST(JacobianCheck, CatchesOneEntryThatIsOffByAThousandth) {
+TEST(JacobianCheck, DetectsOneEntryWrongByAThousandth) {
   Eigen::MatrixXd wrong = slope(kAt);
   wrong(0, 1) *= 1.001;
   const JacobianDifference found =
@@ -32,7 +32,7 @@ TEST(JacobianCheck, CatchesOneEntryThatIsOffByAThousandth) {
   EXPECT_EQ(found.column, 1);
 }
 
-TEST(JacobianCheck, CatchesASignASwapAZeroAndNotANumber) {
+TEST(JacobianCheck, DetectsWrongSignSwappedRowsZeroAndNan) {
   const Eigen::MatrixXd right = slope(kAt);
   Eigen::MatrixXd sign = right, swapped = right, zero = right, nan = right;
   sign.col(0) *= -1.0;
@@ -44,11 +44,11 @@ TEST(JacobianCheck, CatchesASignASwapAZeroAndNotANumber) {
   }
 }
 
-TEST(JacobianCheck, CatchesAMissingColumn) {
+TEST(JacobianCheck, DetectsAMissingColumn) {
   EXPECT_EQ(compare_jacobians(slope(kAt).leftCols(1), slope(kAt)).worst, INFINITY);
 }
 
-TEST(JacobianCheck, JudgesSmallColumnsByTheirOwnSize) {
+TEST(JacobianCheck, ComparesEachColumnRelativeToItsSize) {
   Eigen::MatrixXd right = slope(kAt), wrong;
   right.col(1) *= 1e-4;
   wrong = right;

@@ -1,4 +1,4 @@
-// A robot with measurements and a model, as a fit holds them, for tests of the parts of the solver.
+// A robot with measurements and a model, as in a fit, for tests of the parts of the solver.
 #pragma once
 
 #include <cmath>
@@ -15,7 +15,7 @@
 
 namespace armtrue::testing {
 
-/// What a Problem is made of, with what most tests want as defaults.
+/// Options of a Problem; the defaults suit most tests.
 struct ProblemOptions {
   std::size_t rows = 60;
   bool with_rotation = false;
@@ -25,8 +25,8 @@ struct ProblemOptions {
   std::optional<Instrument> instrument{};
 };
 
-/// Nominal arm, recorded state, and measured poses of an arm whose parameters have the values that
-/// `truth` gives them.
+/// Nominal arm, recorded state, and measured poses of an arm whose parameters have the values given
+/// by `truth`.
 class Problem {
  public:
   /// `truth(parameter)` gives the true value of each linear parameter of the model.
@@ -81,10 +81,10 @@ class Problem {
   }
 };
 
-/// Errors of an arm that has none.
+/// True values of an arm without errors.
 inline double nothing(const Parameter&) { return 0.0; }
 
-/// A third of what is physical, or of the weak prior on geometry.
+/// A third of the coefficient's bound, or of the weak prior on geometry.
 inline double typical_size(const Parameter& p) { return p.bound > 0.0 ? 0.3 * p.bound : 1e-3; }
 
 }  // namespace armtrue::testing

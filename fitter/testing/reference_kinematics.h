@@ -1,5 +1,5 @@
-// The unified model written a second time, plainly and for any scalar, so that Ceres' automatic
-// differentiation can be put beside the analytic Jacobians. Shares no formula with
+// A second implementation of the unified model, for any scalar type: Ceres' automatic
+// differentiation of it checks the analytic Jacobians. Shares no formula with
 // fitter/model/kinematics.cc: 4x4 products, Rodrigues from Ceres.
 #pragma once
 
@@ -65,7 +65,7 @@ Matrix4<T> reference_pose(const Robot& robot, const Pose& measuring_from_base,
          virtual_joint(&coordinates[static_cast<std::size_t>(layout.tool(target, 0))]);
 }
 
-/// Value of an expression for any scalar; kinks as plain comparisons.
+/// Value of an expression for any scalar; functions with kinks use comparisons.
 template <typename T>
 T reference_value(const Expression& e, const std::function<T(const std::string&)>& lookup) {
   using Op = Expression::Op;

@@ -1,4 +1,4 @@
-"""What diagnose and refine return: the contract's JSON, with names."""
+"""Results of diagnose and refine: the documented JSON, with attributes for the main entries."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def believed(tmp_path_factory) -> Fit:
     return fit(load_data(folder / "data.csv", robot), robot, load_model(folder / "model.yaml", robot))
 
 
-def test_a_diagnosis_is_its_json_and_names_what_is_asked_most(believed):
+def test_diagnosis_is_its_json_with_attributes_and_a_summary(believed):
     found = diagnose(believed)
     assert isinstance(found, Diagnosis)
     assert json.loads(json.dumps(found)) == found
@@ -34,7 +34,7 @@ def test_a_diagnosis_is_its_json_and_names_what_is_asked_most(believed):
     assert lines[2:] == [f"– {sentence}" for sentence in found.advice]
 
 
-def test_a_refinement_is_its_json_and_its_steps_are_diagnoses(believed):
+def test_steps_of_a_refinement_are_diagnoses(believed):
     seen = []
     best, story = refine(believed, on_step=lambda _, step: seen.append(step))
     assert isinstance(story, Refinement)

@@ -1,4 +1,4 @@
-"""A fit predicts: of which reflector a row is, and whether its pose lies where measurements were fitted."""
+"""Predictions of a fit: the reflector of each row, and notes on poses outside the fitted ranges."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LENGTH = 1.0
 
 
 def fit_of(names: list[str]) -> Fit:
-    """A fit of one turning joint with an arm of `LENGTH`, whose reflectors stand further out along it."""
+    """A fit of two revolute joints `LENGTH` apart, whose reflectors lie further out along the same line."""
     joint = {"type": "revolute", "a": 0.0, "alpha": 0.0, "d": 0.0, "offset": 0.0}
     end = {**joint, "a": LENGTH}
     here = {"xyz": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}
@@ -73,11 +73,11 @@ def test_poses_outside_the_fitted_ranges_are_noted():
 def test_poses_within_the_fitted_ranges_are_not_noted():
     inside = at((0.0, 0.1), (1.09, 0.205), (-1.0, 0.0))
     assert fit_within({"q1": [-1.0, 1.0], "q2": [0.0, 0.2]}).assumed(inside)[1] == []
-    # A fit of before the ranges were kept.
+    # A fit from before the ranges were stored.
     assert fit_of(["A"]).assumed(inside)[1] == []
 
 
-def test_joint_that_stood_still_in_the_fit_is_noted_where_it_moves():
+def test_joint_at_rest_in_the_fit_is_noted_where_it_moves():
     (note,) = fit_within({"q1": [-1.0, 1.0], "q2": [0.1, 0.1]}).assumed(at((0.0, 0.1), (0.0, 0.3)))[1]
     assert "1 of 2 poses" in note
     assert "q2 by up to 11°" in note
@@ -94,7 +94,7 @@ def fit_with_terms(expressions: dict[str, str], ranges: dict[str, list[float]], 
     return fit
 
 
-def test_time_and_temperature_outside_what_was_fitted_are_noted_with_figures():
+def test_columns_outside_the_fitted_ranges_are_noted_with_figures():
     ranges = {"q1": [-1.0, 1.0], "time": [0.0, 3000.0], "temp_hall": [20.0, 24.0], "payload": [5.0, 5.0]}
     expressions = {"time": "time/3600", "temp_hall": "dT_hall", "payload": "u_2_2_x"}
     fit = fit_with_terms(expressions, ranges, exported=False)
@@ -108,16 +108,16 @@ def test_time_and_temperature_outside_what_was_fitted_are_noted_with_figures():
         "fitted, payload by up to 5 kg, temp_hall by up to 2 °C, 0.5 times the span that was fitted): figures there "
         "are extrapolated"
     )
-    # What a table holds reads neither the session's time nor its temperature; loads are the arm's own.
+    # For tables, the session's time and temperature do not count; the payload does, as it acts on the arm.
     (of_the_arm,) = fit.extrapolated(poses_of, of_the_arm=True)
     assert "payload" in of_the_arm
     assert "time" not in of_the_arm
-    # A column that no term reads does not move a prediction.
+    # A column that no term reads does not change a prediction.
     fit.document["columns"] = {}
     assert fit.assumed(poses_of)[1] == []
 
 
-def test_a_fit_keeps_the_ranges_of_its_joints_and_refuses_others(tmp_path):
+def test_fit_stores_its_ranges_and_refuses_malformed_ones(tmp_path):
     campaign = armtrue_sim.simulate({"arm": "scara", "seed": 3, "hidden": []})
     campaign.write(tmp_path)
     robot = load_robot(tmp_path / "robot.yaml")
@@ -129,7 +129,7 @@ def test_a_fit_keeps_the_ranges_of_its_joints_and_refuses_others(tmp_path):
     far = replace(test, columns={**test.columns, "q3": test.columns["q3"] + 0.5})
     assert "q3 by up to" in fit.assumed(far)[1][0]
     assert " mm" in fit.assumed(far)[1][0]
-    # Beside the joints: time, which tells what is later.
+    # Besides joints, the range of time: it shows which poses are later.
     assert fit.document["data"]["ranges"]["time"][1] == data.columns["time"].max()
     fit.save(tmp_path / "fit.json")
     assert Fit.load(tmp_path / "fit.json").document["data"]["ranges"] == fit.document["data"]["ranges"]
@@ -140,5 +140,5 @@ def test_a_fit_keeps_the_ranges_of_its_joints_and_refuses_others(tmp_path):
             Fit.load(tmp_path / "fit.json")
 
 
-def test_poses_without_a_target_are_of_the_first_reflector_as_in_the_tables():
+def test_poses_without_a_target_use_the_first_reflector():
     assert fit_of(["C", "A", "B"]).predict(poses(None, 1))[0, 0] == pytest.approx(LENGTH + TOOLS["C"])

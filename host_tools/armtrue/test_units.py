@@ -25,7 +25,7 @@ from armtrue.units import figure, for_people, value_and_sigma
         (0.0, "m", 0.0, "µm"),
     ],
 )
-def test_a_figure_comes_in_the_unit_people_read_it_in(value, unit, shown, name):
+def test_value_is_shown_in_a_readable_unit(value, unit, shown, name):
     found, found_name = for_people(value, unit)
     assert found == pytest.approx(shown, rel=1e-5)
     assert found_name == name
@@ -41,15 +41,15 @@ def test_a_figure_comes_in_the_unit_people_read_it_in(value, unit, shown, name):
         (1.2345e-4, None, ("123.5", "", "µm")),
     ],
 )
-def test_value_and_sigma_share_a_unit_and_their_digits(value, sigma, words):
+def test_value_and_sigma_share_unit_and_number_of_decimals(value, sigma, words):
     assert value_and_sigma(value, sigma, "m") == words
 
 
-def test_what_is_small_in_a_unit_of_its_own_keeps_its_digits():
+def test_small_value_in_an_unknown_unit_keeps_its_digits():
     assert value_and_sigma(-3.14e-12, 2e-14, "furlong") == ("-3.140e-12", "2.0e-14", "furlong")
 
 
-def test_figures_keep_their_digits_without_exponents_where_they_read_well():
+def test_figure_uses_an_exponent_only_for_large_numbers():
     assert figure(0.012345) == "0.01235"
     assert figure(123456.0) == "123456"
     assert figure(1.2e9) == "1.200e+09"

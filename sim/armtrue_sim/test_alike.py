@@ -1,4 +1,4 @@
-"""Causes that look alike: told apart by the session that is said to tell them."""
+"""Causes that look alike: the session stated for a pair separates them."""
 
 import numpy as np
 import pytest
@@ -9,14 +9,14 @@ HEAT_AND_SIDES = [d for d in DOUBLES if name(d.taken_for) in ("warm_up", "joint_
 
 
 @pytest.mark.parametrize("double", HEAT_AND_SIDES, ids=lambda d: name(d.cause))
-def test_an_ordinary_session_cannot_tell_and_the_other_can(double):
+def test_only_the_deciding_session_separates_look_alikes(double):
     before, after = (left(double, session, "kr30", 1)[1] for session in (ordinary, double.session))
     assert odds(before) == "even"
     assert odds(after) == "beyond 10^99"
 
 
 @pytest.mark.parametrize("double", DOUBLES, ids=lambda d: name(d.cause))
-def test_a_double_explains_no_less_than_geometry_alone(double):
+def test_double_leaves_no_more_error_than_geometry_alone(double):
     alone, beside = left(double, ordinary, "kr30", 2)
     assert beside <= alone * (1.0 + 1e-9)
 

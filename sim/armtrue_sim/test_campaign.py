@@ -1,4 +1,4 @@
-"""Campaigns: the contract's form, exactness, reproducibility, and what a real session adds."""
+"""Campaigns: the contract's form, exactness, reproducibility, and the disturbances of a real session."""
 
 import csv
 import json
@@ -35,13 +35,13 @@ def columns_of(table):
 
 @pytest.mark.quick("irb2400-ladder", "cobot-waves")
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda p: p.stem)
-def test_every_committed_scenario_gives_the_same_bytes_and_exact_test_positions(path, tmp_path):
+def test_every_committed_scenario_is_reproducible_and_exact(path, tmp_path):
     campaign = cli_simulate(path, tmp_path / "a")
     cli_simulate(path, tmp_path / "b")
     assert sorted(p.name for p in (tmp_path / "a").iterdir()) == FILES
     for name in FILES:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-    # What the file says is enough to find the position again, to the file's nine decimals.
+    # The columns of the file reproduce its positions to their nine decimals.
     test = columns_of(read(tmp_path / "a" / "test.csv"))
     n = campaign.arm.chain.n
     assert np.abs(campaign.arm.true_position(joints_of(test, n), test) - positions(test)).max() < 6e-10
@@ -50,7 +50,7 @@ def test_every_committed_scenario_gives_the_same_bytes_and_exact_test_positions(
     assert np.allclose(positions(data), campaign.positions, atol=1e-12)
 
 
-def test_the_form_is_that_of_the_contract(tmp_path):
+def test_campaign_files_have_the_form_of_the_contract(tmp_path):
     simulate({"arm": "kr30", "seed": 5, "hidden": [{"effect": "gear_harmonics", "joints": [3]}]}, tmp_path)
     data, test = read(tmp_path / "data.csv"), read(tmp_path / "test.csv")
     joints = range(1, 7)
@@ -117,7 +117,7 @@ def test_truth_json_rebuilds_the_arm(tmp_path):
     assert truth["flange_from_tool"][""]["xyz"] == list(campaign.arm.flange_from_tool[""].translation)
 
 
-def test_noise_is_the_instruments_and_the_drives():
+def test_noise_matches_stated_instrument_and_repeatability():
     campaign = simulate(
         {
             "arm": "kr30",
@@ -151,7 +151,7 @@ def test_hiding_an_effect_changes_nothing_else():
     assert np.allclose(*noise, atol=1e-9)
 
 
-def test_reflectors_share_the_stop_and_keep_their_distance():
+def test_reflectors_share_drive_scatter_and_keep_distance():
     campaign = simulate(
         {
             "arm": "cobot",
@@ -184,12 +184,12 @@ def test_directions_follow_the_order_of_poses():
     assert set(np.unique(sides)) == {-1, 1}
 
 
-def test_from_one_side_every_joint_comes_up():
+def test_directions_up_gives_every_joint_direction_plus_1():
     data = simulate({"arm": "kr30", "poses": 30, "directions": "up"}).data
     assert all(np.all(data[f"dir{k}"] == 1) for k in range(1, 7))
 
 
-def test_sensors_after_the_first_swing_by_their_wave():
+def test_sensors_after_the_first_vary_by_their_wave():
     def difference(wave: float) -> np.ndarray:
         scenario = {
             "arm": "kr30",
@@ -222,7 +222,7 @@ def test_temperature_history_and_payload_blocks():
     assert set(payload) == {0.0, 8.0, 16.0}
 
 
-def test_full_poses_sigma_torque_and_readback():
+def test_added_columns_match_pose_sigma_torque_and_readback():
     campaign = simulate(
         {
             "arm": "lbr",
@@ -246,7 +246,7 @@ def test_full_poses_sigma_torque_and_readback():
     assert behind.mean() == pytest.approx(2e-4, rel=0.3)
 
 
-def test_gross_errors_are_known_by_row():
+def test_truth_lists_the_rows_of_gross_errors():
     scenario = {"arm": "kr30", "seed": 4, "gross_errors": {"count": 6, "size": [1e-3, 2e-3]}}
     campaign = simulate(scenario)
     off = np.linalg.norm(campaign.positions - campaign.exact, axis=1)
@@ -259,7 +259,7 @@ def test_gross_errors_are_known_by_row():
     assert np.median((bumped.positions - bumped.exact)[200:, 2]) == pytest.approx(3e-3, abs=1e-5)
 
 
-def test_columns_that_nobody_recorded_still_act():
+def test_unrecorded_columns_still_affect_positions():
     scenario = {
         "arm": "kr30",
         "seed": 4,
@@ -276,13 +276,13 @@ def test_columns_that_nobody_recorded_still_act():
     assert np.array_equal(campaign.positions, everything.positions)
 
 
-def test_loads_of_the_nominal_geometry_are_an_option_and_no_default():
+def test_statics_are_those_of_the_deflected_arm_by_default():
     exact = {s: simulate({"arm": "kr30", "statics": s}).exact for s in ("nominal", "deflected")}
     assert 1e-6 < np.linalg.norm(exact["nominal"] - exact["deflected"], axis=1).max() < 1e-3
     assert np.array_equal(simulate({"arm": "kr30"}).exact, exact["deflected"])
 
 
-def test_truth_is_vectorised_and_needs_no_columns():
+def test_true_position_is_vectorised_and_needs_no_columns():
     arm = build_arm(
         Scenario(arm="irb2400", hidden=["parallelogram", "thermal_expansion", {"effect": "backlash"}])
     )
@@ -327,7 +327,7 @@ def test_truth_is_vectorised_and_needs_no_columns():
         ({"targets": ["A"]}, "'targets' is"),
     ],
 )
-def test_mistakes_are_one_sentence_and_write_nothing(change, message, tmp_path):
+def test_invalid_scenario_gives_one_line_and_writes_nothing(change, message, tmp_path):
     path = tmp_path / "mistake.yaml"
     path.write_text(yaml.safe_dump({"arm": "kr30"} | change))
     with pytest.raises(ScenarioError, match=message) as caught:
@@ -345,7 +345,7 @@ def test_mistakes_are_one_sentence_and_write_nothing(change, message, tmp_path):
         ("", "expected a mapping"),
     ],
 )
-def test_files_that_are_no_scenario(text, message, tmp_path):
+def test_file_that_is_no_scenario_is_named(text, message, tmp_path):
     path = tmp_path / "broken.yaml"
     path.write_text(text)
     with pytest.raises(ScenarioError, match=message) as caught:

@@ -1,4 +1,4 @@
-"""Hidden-effect cases: what is hidden can be seen, what is not hidden is not there."""
+"""Hidden-effect cases: hidden effects are visible in the measurements, and no others are present."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ NOISE = np.sqrt(3.0) * TRACKER_SIGMA
     ("kind", "arm"),
     [(kind, arm) for kind, given in KINDS.items() for arm in given.arms],
 )
-def test_hidden_effects_are_there_and_can_be_seen(kind, arm):
+def test_hidden_effects_are_present_and_visible(kind, arm):
     for seed in range(1 if kind.startswith("later") else 2):
         case = hidden_cases(kind, arm, seed)
         assert len(case.hidden) == KINDS[kind].hidden
@@ -45,7 +45,7 @@ def test_hidden_effects_are_there_and_can_be_seen(kind, arm):
 
 @pytest.mark.quick("open_backlash_2_or_joint_scale_2")
 @pytest.mark.parametrize("pair", PAIRS, ids=lambda pair: pair.kind(0, False))
-def test_one_cause_of_a_pair_is_there_and_neither_is_believed(pair):
+def test_pair_case_hides_one_cause_and_model_has_neither(pair):
     for hidden in (0, 1):
         for decides in (False, True) if pair.decides is not None else (False,):
             kind = pair.kind(hidden, decides)
@@ -60,8 +60,8 @@ def test_one_cause_of_a_pair_is_there_and_neither_is_believed(pair):
                 assert not any(j == "all" or set(other.joints) <= set(j) for j in held)
 
 
-def test_what_a_geometric_fit_leaves_is_the_hidden_effect_and_noise():
-    """The cases' own figures, found again from the finished campaign's measured positions."""
+def test_geometric_fit_leaves_the_hidden_effect_and_noise():
+    """The case's `visible_rms`, computed again from the measured positions of the campaign."""
     for kind, expected in (("nothing_hidden", 0.0), ("one_hidden", None)):
         case = hidden_cases(kind, "kr30", 3)
         campaign = case.campaign
@@ -111,7 +111,7 @@ def test_noise_times_four_and_withheld_columns():
 
 
 @pytest.mark.full
-def test_true_model_is_what_an_owner_who_knows_would_write():
+def test_true_model_adds_the_hidden_effects_to_the_believed():
     for seed in range(20):
         case = hidden_cases("three_hidden", "irb2400", seed)
         added = case.true_model["effects"][len(case.believed) :]

@@ -1,4 +1,4 @@
-"""What the way to a pose leaves: travel, warmth."""
+"""States that depend on the path to a pose: travel, warmth."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from .history import one_way_travel, warmth
 from .session import joints_of
 
 
-def test_travel_counts_from_the_last_turn_round():
+def test_travel_counts_from_the_last_reversal():
     q = np.array([[0.2], [0.5], [0.4], [0.1], [0.3], [0.3]])
     time = np.arange(6.0)
     assert np.allclose(one_way_travel(1).along(q, time), [0.2, 0.5, -0.1, -0.4, 0.2, 0.2])
@@ -22,7 +22,7 @@ def test_constant_duty_warms_with_the_time_constant_and_rest_cools():
     assert np.isclose(warm[300], warm[299] * np.exp(-1.0))
 
 
-def test_a_fresh_pose_is_reached_from_the_row_before_it():
+def test_new_pose_is_reached_from_the_last_row_before_its_time():
     q, time = np.array([[0.1], [0.5], [0.2]]), np.array([0.0, 10.0, 20.0])
     beside = one_way_travel(1).beside(
         (q, time), np.array([[0.7], [0.0], [0.1]]), np.array([12.0, 25.0, 12.0])
@@ -30,7 +30,7 @@ def test_a_fresh_pose_is_reached_from_the_row_before_it():
     assert np.allclose(beside, [0.7, -0.5, -0.4])
 
 
-def test_in_the_order_of_poses_travel_and_direction_agree():
+def test_directions_by_order_agree_with_travel():
     campaign = simulate({"arm": "kr30", "poses": 60, "directions": "order", "columns": {"add": ["travel"]}})
     for table in (campaign.data, campaign.test):
         assert {f"travel{k}" for k in range(1, 7)} <= set(table)
@@ -39,20 +39,20 @@ def test_in_the_order_of_poses_travel_and_direction_agree():
     assert np.allclose(np.abs(way), campaign.data["travel2"])
 
 
-def test_what_the_simulator_alone_knows_is_in_no_file():
+def test_internal_states_are_in_no_file():
     campaign = simulate({"arm": "kr30", "poses": 40, "hidden": [{"effect": "self_heating", "joints": [2]}]})
     assert "_warm2" in campaign.unrecorded
     assert not any(name.startswith(("_", "travel", "duty")) for name in {*campaign.data, *campaign.test})
 
 
-def test_pauses_let_the_gears_cool():
+def test_gears_cool_in_pauses():
     plan = {"arm": "kr30", "poses": 90, "hidden": [{"effect": "self_heating", "joints": [2], "tau": 600.0}]}
     warm = simulate(plan | {"rests": {"count": 2, "seconds": 6000.0}}).unrecorded["_warm2"]
     assert warm[30] < 0.3 * warm[29]
     assert warm[60] < 0.3 * warm[59]
 
 
-def test_after_a_cold_pause_the_sensors_begin_anew():
+def test_cold_pause_restarts_the_temperature_history():
     plan = {"arm": "kr30", "poses": 90, "temperature": {"time_constant": 600.0, "jitter": 0.0}}
     kept = simulate(plan | {"rests": {"count": 2, "seconds": 6000.0}}).data["temp_arm"]
     cold = simulate(plan | {"rests": {"count": 2, "seconds": 6000.0, "cold": True}})

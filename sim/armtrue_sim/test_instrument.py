@@ -1,4 +1,4 @@
-"""The noise that is drawn has the statistics that are stated."""
+"""Drawn noise has the stated statistics."""
 
 import numpy as np
 import pytest
@@ -23,14 +23,14 @@ def test_radial_and_angular_parts_grow_with_distance():
     assert instrument.sigma_per_axis(points[:1])[0] == pytest.approx(np.sqrt((10**2 + 2 * 30**2) / 3) * 1e-6)
 
 
-def test_one_sigma_is_the_same_in_every_direction():
+def test_single_sigma_is_isotropic():
     noise = Instrument.from_dict({"sigma": 8e-6}, "test").noise(
         np.random.default_rng(0).normal(size=(MANY, 3)), np.random.default_rng(1)
     )
     assert noise.std(axis=0) == pytest.approx([8e-6] * 3, rel=0.02)
 
 
-def test_a_point_at_the_instrument_has_noise_too():
+def test_point_at_the_instrument_has_noise():
     noise = Instrument().noise(np.zeros((MANY, 3)), np.random.default_rng(1))
     assert noise.std(axis=0) == pytest.approx([8e-6] * 3, rel=0.02)
 
@@ -57,6 +57,6 @@ def test_repeatability_is_the_mean_distance_from_the_clusters_centre():
         ({"range": 3}, "unknown key 'range'"),
     ],
 )
-def test_mistakes_are_named(given, message):
+def test_invalid_instrument_is_named_in_the_error(given, message):
     with pytest.raises(ScenarioError, match=message):
         Instrument.from_dict(given, "test")

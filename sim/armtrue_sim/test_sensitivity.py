@@ -16,7 +16,7 @@ from .sensitivity import (
 
 @pytest.mark.quick("cobot")
 @pytest.mark.parametrize("name", PRESETS)
-def test_columns_are_the_slopes_of_the_exact_position(name):
+def test_sensitivity_is_the_derivative_of_exact_position(name):
     # A perfect arm: the geometric Jacobian is exact there.
     base = Pose.from_xyz_rpy([1.0, 2.0, -0.5], [0.1, -0.2, 2.0])
     arm = Arm(nominal_robot(name), [], base, {"": Pose.from_vector([0.06, 0.03, 0.16, 0, 0, 0])})
@@ -35,7 +35,7 @@ def test_columns_are_the_slopes_of_the_exact_position(name):
         assert np.allclose(slopes[:, j], (ahead - behind).ravel() / (2 * step), atol=1e-7), term
 
 
-def test_unexplained_leaves_what_the_basis_cannot_make():
+def test_unexplained_is_the_part_orthogonal_to_the_basis():
     rng = np.random.default_rng(0)
     columns = rng.normal(size=(30, 4))
     columns[:, 3] = columns[:, 0] - 2 * columns[:, 1]

@@ -1,4 +1,4 @@
-"""What an instrument has wrong the same way each time."""
+"""Systematic errors of the instrument."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def test_scale_stretches_distances_from_the_tracker():
     assert np.allclose(stretched - origin, (POINTS - origin) * 1.0001, atol=1e-12)
 
 
-def test_a_circle_off_its_axis_turns_the_sight_and_keeps_distance():
+def test_circle_error_turns_the_sight_and_keeps_distance():
     turned = seen(TrackerError(circles={(1, "azimuth_sin"): 1e-4}))
     azimuth = np.arctan2(POINTS[:, 1], POINTS[:, 0])
     for point, result, angle in zip(POINTS, turned, azimuth, strict=True):
@@ -31,19 +31,19 @@ def test_a_circle_off_its_axis_turns_the_sight_and_keeps_distance():
     assert raised[0, 2] == pytest.approx(3.0 * np.sin(1e-4))
 
 
-def test_only_rows_of_a_later_set_up_are_in_its_frame():
+def test_station_error_moves_only_rows_of_its_set_up():
     pose = Pose.from_vector([1e-3, 0.0, 0.0, 0.0, 0.0, 2e-3])
     result = seen(TrackerError(stations={2: pose}), station=np.array([1, 1, 2, 2]))
     assert np.allclose(result[:2], POINTS[:2], atol=1e-14)
     assert np.allclose(result[2:] @ pose.rotation.T + pose.translation, POINTS[2:], atol=1e-12)
 
 
-def test_a_reflector_put_back_sits_elsewhere_in_the_tools_frame():
+def test_nest_error_shifts_the_reflector_in_the_tools_frame():
     result = seen(TrackerError(nests={2: np.array([0.0, 3e-5, 0.0])}), nest=np.array([1, 2, 1, 2]))
     assert np.allclose((result - POINTS)[:, 1], [0.0, 3e-5, 0.0, 3e-5], atol=1e-15)
 
 
-def test_fresh_poses_are_exact_and_carry_no_error_of_the_instrument():
+def test_test_poses_have_no_error_of_the_instrument():
     plain = simulate({"arm": "kr30", "poses": 40, "seed": 4})
     for effect in ("tracker_scale", "tracker_angles", "station", "nest"):
         more = {"setups": {"stations": 2, "nests": 2}, "hidden": [effect]}

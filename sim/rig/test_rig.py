@@ -1,4 +1,4 @@
-"""The rig reports what happened inside it, and a bus that cannot be had is an error."""
+"""The rig returns status and output of its command; an unavailable bus is an error."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ import rig
 from rig import CanUnavailableError, buses, has_native_can, run_on_bus, uml
 
 
-def test_status_and_environment_come_through(tmp_path: Path) -> None:
+def test_exit_status_and_environment_are_passed_through(tmp_path: Path) -> None:
     seen = tmp_path / "seen"
     script = f'ip -br link show vcan1 > {seen} && [ "$FLAVOUR" = sour ] && exit 7'
     assert run_on_bus(["bash", "-c", script], 120.0, {"FLAVOUR": "sour"}) == 7
     assert "UP" in seen.read_text()
 
 
-def test_all_that_was_printed_and_written_arrives(tmp_path: Path) -> None:
+def test_all_printed_and_written_output_arrives(tmp_path: Path) -> None:
     written = tmp_path / "written"
     script = f"seq 1 20000 | tee {written}; echo the end"
     command = [sys.executable, "-m", "rig", "--timeout", "120", "--", "bash", "-c", script]
@@ -36,16 +36,16 @@ def test_all_that_was_printed_and_written_arrives(tmp_path: Path) -> None:
     assert written.read_text().split() == [*map(str, range(1, 20001))]
 
 
-def test_machines_take_turns_on_the_processors_that_are_ours() -> None:
+def test_machines_are_spread_over_the_allowed_processors() -> None:
     ours = [str(number) for number in sorted(os.sched_getaffinity(0))]
     assert sorted(uml._one_processor() for _ in ours) == sorted(ours)
 
 
 @pytest.mark.full
-def test_processors_with_more_registers_than_uml_knows(
+def test_wide_registers_workaround_keeps_results_correct(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """On a processor with AMX the first process inside died. Elsewhere the way round it does no harm."""
+    """On a processor with AMX the first process inside died; elsewhere the workaround must do no harm."""
     monkeypatch.setattr(uml, "_has_wide_registers", lambda: True)
     sums = tmp_path / "sums"
     # Two processes of floating-point work whose registers are saved and restored against each other.
@@ -57,7 +57,7 @@ def test_processors_with_more_registers_than_uml_knows(
     assert float(first) == pytest.approx(math.log(400000) + 0.5772156649, abs=1e-5)
 
 
-def test_processors_with_more_registers_need_a_compiler(
+def test_wide_registers_without_a_compiler_are_an_error(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(uml, "_has_wide_registers", lambda: True)

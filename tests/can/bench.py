@@ -1,4 +1,4 @@
-"""What the CAN side costs: `./dev bench can` prints the tables and writes them into docs/results.md.
+"""Frames, bus time and instructions of the CAN side, for docs/results.md: `./dev bench can` prints and writes them.
 
 python tests/can/bench.py transfer RESULT.json  inside the rig
 python tests/can/bench.py report RESULT.json    outside; counts instructions too
@@ -39,7 +39,7 @@ PADDING = {"small": 0, "16 KiB": 15_500}
 
 
 class Counted:
-    """A bus that keeps the SDO frames that a client sends and takes."""
+    """A bus that records the SDO frames that a client sends and receives."""
 
     def __init__(self, bus: can.BusABC) -> None:
         self._bus = bus
@@ -63,7 +63,7 @@ class Counted:
 
 
 def frames_of_image(frames: list[tuple[int, bytes]], block: bool) -> list[tuple[int, bytes]]:
-    """Those that move the image: from the request that opens the staging object to the answer that ends it."""
+    """The frames that move the image: from the request that opens the staging object to the answer that ends it."""
     opens = 0xC6 if block else 0x21
     begin = next(k for k, (_, data) in enumerate(frames) if data[0] == opens and data[1:4] == b"\x10\x20\x00")
     end = begin
@@ -80,18 +80,18 @@ def frames_of_image(frames: list[tuple[int, bytes]], block: bool) -> list[tuple[
 
 
 def least_frames(length: int, block: bool) -> int:
-    """The fewest frames that CiA 301 moves so many bytes with."""
+    """The fewest frames in which CiA 301 can move `length` bytes."""
     segments = -(-length // SEGMENT)
     return 2 + segments + -(-segments // BLOCK_SEGMENTS) + 2 if block else 2 + 2 * segments
 
 
 def bus_seconds(frames: list[tuple[int, bytes]]) -> float:
-    """Time that frames take at 1 Mbit/s, one directly behind the other."""
+    """Time of the frames at 1 Mbit/s, sent back to back."""
     return sum(classic_frame_bits(identifier, data) for identifier, data in frames) / BITRATE
 
 
 def transfers() -> list[dict[str, Any]]:
-    """Uploads of two sizes by both transfers against a node, frame by frame."""
+    """Upload tables of two sizes to a node by both SDO transfers; frames and bus time of each upload."""
     rows = []
     with tempfile.TemporaryDirectory() as folder, NodeProcess(Path(folder) / "state"):
         file = Path(folder) / "tables.bin"
@@ -124,12 +124,12 @@ class Budget:
 
     @classmethod
     def of(cls, cycles: np.ndarray) -> Budget:
-        """Of counted cycles."""
+        """Mean and worst of counted cycles."""
         return cls(float(cycles["instructions"].mean()), int(cycles["instructions"].max()))
 
 
 def budgets() -> dict[str, Budget]:
-    """The core alone and the whole node between two buses, over a recorded motion of an arm with every effect."""
+    """Of the core alone and of the whole node between two buses, for a recorded motion of an arm with every effect."""
     import arms
     import recording
     from armtrue.tables.export import ExportOptions, export
@@ -150,7 +150,7 @@ def budgets() -> dict[str, Budget]:
         run = qemu.run_image(elf, motion.to_bytes(), timeout_s=300.0)
         if run.status != 0:
             raise RuntimeError(f"{elf}: status {run.status}")
-        # The first cycle takes the table into force.
+        # The first cycle activates the table: not counted.
         if image == "node_budget":
             counts = np.frombuffer(run.output, _NODE_RESULT)[1:]
             dump = counts["read"] == 0x2011 << 8

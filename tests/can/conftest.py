@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(ROOT), str(ROOT / "sim"), str(HERE), str(HERE / "support"), str(HERE / "suites")]
-# The suites' assertions are shown with their values, as those of test files are.
+# So that pytest shows the values in failed assertions of the suites, as it does in test files.
 pytest.register_assert_rewrite("target", *(path.stem for path in (HERE / "suites").glob("suite_*.py")))
 
 from node_process import NodeProcess, connect, disconnect  # noqa: E402
@@ -34,9 +34,9 @@ __all__ = [
 
 needs_can(__file__)
 
-# What of the suites every change tries on the emulated STM32F405: that it answers, corrects and finds itself in order.
-# The rest is the portable node's, which the POSIX node runs; on chips it is left to `full`, and so is the Cortex-R5F's
-# bus, whose emulator runs inside User-Mode Linux (that its image starts, tests/firmware_boot shows with every change).
+# Tests of the suites that every change runs on the emulated STM32F405: it answers, corrects and passes its self-test.
+# The other tests are about the portable node, which the POSIX node runs; on chips they are marked `full`. So are those
+# on the Cortex-R5F's bus: its emulator runs in User-Mode Linux (tests/firmware_boot boots its image with every change).
 ON_THE_CHIP = {
     "test_sdo_01_expedited_read_of_1000h",
     "test_heartbeat_01_02_03_producer",

@@ -1,7 +1,7 @@
-"""python every_size.py [--jobs N]: PyPI canopen's transfers of every size from one byte to the largest table.
+"""python every_size.py [--jobs N]: transfers of every size from one byte to the largest table, by PyPI canopen.
 
-The node's own sources in this process (in_process.py), the client as it is on PyPI. Each size has bytes of its own,
-which are written, read back and compared; every answer on the way is looked at. Prints the section of docs/results.md.
+The node's own sources run in this process (in_process.py); the client is PyPI's, unmodified. Each size has its own
+bytes, which are written, read back and compared; every answer is checked. Prints the section of docs/results.md.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ sys.path.insert(0, str(Path(__file__).resolve().parent / "support"))
 from in_process import InProcessBus, InProcessNode, in_process
 
 STAGING = 0x2010
-# So far the client goes down expedited unless it is told otherwise, and the server always up.
+# Up to this size the client downloads expedited unless told otherwise, and the server always uploads expedited.
 EXPEDITED_UP_TO = 4
 _REQUEST, _ANSWER = 0x600, 0x580
 _TOGGLE = 0x10
 
 
 class WrongTransferError(Exception):
-    """A size did not come back as it was sent, or not in the frames that it takes."""
+    """The bytes read back differ from those sent, or the transfer took another number of frames than its size needs."""
 
 
 @dataclasses.dataclass
 class Swept:
-    """What was done."""
+    """Counts of a sweep."""
 
     sizes: int = 0
     downloads: int = 0
@@ -51,7 +51,7 @@ class Swept:
 
 
 class WatchedBus(InProcessBus):
-    """Sees what the client overlooks: answers too many or too few, and acknowledgements of the other segment."""
+    """Checks what the client does not: one answer for each request, and the acknowledgement of each segment."""
 
     def __init__(self, node: InProcessNode) -> None:
         super().__init__(node)
@@ -66,7 +66,7 @@ class WatchedBus(InProcessBus):
             self._answers.append(bytes(answer.data))
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """As a bus does, and a look at what came."""
+        """Send as a bus does, then check the answers."""
         self._answers.clear()
         super().send(msg, timeout)
         if msg.arbitration_id & 0x780 != _REQUEST:
@@ -89,17 +89,17 @@ _ACKNOWLEDGED = {toggle: bytes([0x20 | toggle, *bytes(7)]) for toggle in (0, _TO
 
 
 def content(size: int) -> bytes:
-    """Bytes that belong to one size only."""
+    """Bytes that no other size has."""
     return hashlib.shake_128(size.to_bytes(4, "little")).digest(size)
 
 
 def capacity(remote: canopen.RemoteNode) -> int:
-    """The largest table, as the device says it."""
+    """Size of the largest table, as the device reports it."""
     return int(remote.sdo["Table status"]["Capacity (bytes)"].raw)
 
 
 def there_and_back(remote: canopen.RemoteNode, bus: WatchedBus, size: int, segmented: bool = True) -> None:
-    """Write, read and compare one size. WrongTransferError where anything is not as it should be."""
+    """Write, read and compare one size. Raises WrongTransferError on any deviation."""
     image = content(size)
     bus.requests = bus.segments = 0
     bus.wrong = ""
@@ -121,7 +121,7 @@ def there_and_back(remote: canopen.RemoteNode, bus: WatchedBus, size: int, segme
 
 
 def sweep(sizes: Iterable[int], bus: WatchedBus) -> Swept:
-    """All sizes on one node; the shortest also as the client itself would send them."""
+    """All sizes on one node, segmented; the shortest also as the client sends them by default."""
     begin = time.monotonic()
     done = Swept()
     with in_process(bus) as remote:
@@ -138,7 +138,7 @@ def sweep(sizes: Iterable[int], bus: WatchedBus) -> Swept:
 
 
 def largest_table() -> int:
-    """Of a node just made; it refuses a byte more."""
+    """Capacity of a new node, which must refuse one byte more."""
     with in_process(WatchedBus(InProcessNode())) as remote:
         largest = capacity(remote)
         try:
@@ -153,7 +153,7 @@ def _share(sizes: range) -> Swept:
 
 
 def main() -> int:
-    """Every size; exit status 1 where one does not come back as it was sent."""
+    """Sweep every size; exit status 1 if one does not come back as sent."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     jobs = parser.parse_args().jobs

@@ -1,9 +1,9 @@
-"""How late the POSIX node's corrected targets leave it, as an ordinary process and under SCHED_FIFO.
+"""Latency of the POSIX node's corrected targets, as an ordinary process and under SCHED_FIFO.
 
 python tests/can/realtime_latency.py [--cycles N] [--busy N]
 
-The program itself (armtrue_node) between two socket pairs: its own loop, system calls and wake-ups, none of a CAN
-controller or its driver. Time runs from just before the last target frame of a set is sent to the kernel's stamp of
+The program (armtrue_node) runs between two socket pairs: its loop, system calls and wake-ups count, a CAN controller
+and its driver do not. Latency is from just before the last target frame of a set is sent to the kernel's time stamp of
 the last corrected one. Prints the section of docs/results.md (`./dev bench posix`).
 """
 
@@ -32,7 +32,7 @@ from socket_bus import SocketBus, node_on_sockets  # noqa: E402
 
 PERIOD_S = 0.001
 PRIORITY = 50
-# Ahead of the node while it sleeps until the next cycle: it only measures.
+# Of this process, above the node's: it only measures, and sleeps until the next cycle.
 OUR_PRIORITY = 60
 
 
@@ -43,7 +43,7 @@ def _spin() -> None:
 
 @contextlib.contextmanager
 def busy(count: int) -> Iterator[None]:
-    """So many processes that compute without end."""
+    """Run `count` processes that compute without end."""
     spinning = [multiprocessing.Process(target=_spin, daemon=True) for _ in range(count)]
     for process in spinning:
         process.start()
@@ -56,7 +56,7 @@ def busy(count: int) -> Iterator[None]:
 
 
 def measured(upstream: SocketBus, downstream: SocketBus, cycles: int) -> list[float]:
-    """Microseconds of each set, one a millisecond."""
+    """Latency of each set in microseconds, at one set per millisecond."""
     taken = []
     due = time.clock_gettime(time.CLOCK_MONOTONIC)
     for number in range(cycles + 1):
@@ -69,7 +69,7 @@ def measured(upstream: SocketBus, downstream: SocketBus, cycles: int) -> list[fl
             sent = time.clock_gettime(time.CLOCK_REALTIME)
             upstream.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
         if number == 0:
-            continue  # a stream begins with its second set
+            continue  # nothing is sent for the first set of a stream
         while True:
             frame = downstream.recv(10.0)
             if frame is None:
@@ -94,12 +94,12 @@ def row(name: str, options: list[str], busy_count: int, cycles: int) -> str:
 
 
 def main() -> None:
-    """The table."""
+    """Print the table."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--cycles", type=int, default=5_000)
     parser.add_argument("--busy", type=int, default=2 * (os.cpu_count() or 1))
     arguments = parser.parse_args()
-    # Ours alone: what a late measurer adds would be taken for the node's.
+    # For this process only: its own delay would count as the node's.
     os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(OUR_PRIORITY))
     print(
         f"{arguments.cycles} cycles of one a millisecond, six axes in three frames, inline; Linux "

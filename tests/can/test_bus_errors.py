@@ -1,4 +1,4 @@
-"""What the kernel says about the bus in error frames: reported, counted, recovered from (POSIX node on SocketCAN)."""
+"""Error frames of SocketCAN at the POSIX node: bus states are reported and counted, bus-off is recovered from."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def expect_emergency(remote: canopen.RemoteNode, code: int) -> None:
 
 
 def heartbeats(bus: can.BusABC, seconds: float) -> int:
-    """How often the node showed itself in that time, from now on."""
+    """Number of the node's heartbeats within `seconds` from now."""
     while bus.recv(0.0) is not None:
         pass
     end = time.monotonic() + seconds
@@ -50,7 +50,7 @@ def heartbeats(bus: can.BusABC, seconds: float) -> int:
 
 
 def expect_heartbeats(bus: can.BusABC) -> None:
-    """The node shows itself again and again, however slowly the machine lets it."""
+    """Wait for five heartbeats of the node, long enough for a slow machine."""
     give_up = time.monotonic() + 30.0
     while bus.recv(0.0) is not None:
         pass
@@ -62,7 +62,7 @@ def expect_heartbeats(bus: can.BusABC) -> None:
 
 
 def expect_silence(bus: can.BusABC) -> None:
-    """The node ceases to show itself, as soon as the machine has let it take note of what it was told."""
+    """Wait until the node's heartbeats cease; on a slow machine it reacts late."""
     give_up = time.monotonic() + 30.0
     while heartbeats(bus, 0.5) > 0:
         assert time.monotonic() < give_up, "still on the bus"
@@ -70,7 +70,7 @@ def expect_silence(bus: can.BusABC) -> None:
 
 @pytest.fixture
 def watcher(remote: canopen.RemoteNode) -> Iterator[can.BusABC]:
-    """The bus, on which the node shows itself every 20 ms."""
+    """The bus, with a heartbeat of the node every 20 ms."""
     remote.sdo[0x1017].raw = 20
     with can.Bus(interface="socketcan", channel="vcan0") as bus:
         expect_heartbeats(bus)
@@ -78,7 +78,7 @@ def watcher(remote: canopen.RemoteNode) -> Iterator[can.BusABC]:
 
 
 def recovers(remote: canopen.RemoteNode, watcher: can.BusABC, entries: int) -> None:
-    """The node is on the bus again and has reported why it was not."""
+    """The node is on the bus again and has reported its bus-off state."""
     expect_emergency(remote, 0x8140)
     expect_heartbeats(watcher)
     assert bus_state(remote) == "active"
@@ -100,10 +100,10 @@ def test_bus_off_lasts_until_the_kernel_restarts_the_controller(
     recovers(remote, watcher, 1)
 
 
-def test_a_link_that_comes_up_again_ends_bus_off(running_node: NodeProcess) -> None:
+def test_link_that_comes_up_again_ends_bus_off(running_node: NodeProcess) -> None:
     remote = connect(running_node.upstream)
     remote.sdo[0x1017].raw = 20
-    disconnect(remote)  # its socket would not survive
+    disconnect(remote)  # its socket would not survive the loss of the link
     kernel_says(BUS_OFF)
     time.sleep(0.3)
     with link.down(running_node.upstream):
@@ -115,7 +115,7 @@ def test_a_link_that_comes_up_again_ends_bus_off(running_node: NodeProcess) -> N
     disconnect(remote)
 
 
-def test_a_bus_that_the_kernel_restarts_at_once_is_active_again(remote: canopen.RemoteNode) -> None:
+def test_restart_by_the_kernel_at_once_ends_bus_off(remote: canopen.RemoteNode) -> None:
     kernel_says(BUS_OFF)
     kernel_says(RESTARTED)
     expect_emergency(remote, 0x8140)

@@ -13,13 +13,13 @@ from command_line import armtrue
 from node_process import NODE_ID, NodeProcess
 from wrong_drives import POSITIONS, SWING, Drives, configure, cycle_frames
 
-# Slow: a frame that waits for the node's turn on a loaded machine is late by a few cycles at most.
+# Long, so that a frame that waits for the node on a loaded machine is late by a few cycles at most.
 CYCLE_S = 0.05
 DURATION_S = 1.2 * 6 * SWING * CYCLE_S
 
 
 def commission_over_vcan(tmp_path: Path, drives: Drives) -> tuple[int, dict[str, object], str]:
-    """The command, between a controller that moves on vcan0 and drives on vcan1: exit status, figures, text."""
+    """Run the command with a moving controller on vcan0 and drives on vcan1: exit status, figures, text."""
     with (
         NodeProcess(tmp_path / "state", downstream="vcan1"),
         can.Bus(interface="socketcan", channel="vcan0") as controller,
@@ -48,7 +48,7 @@ def commission_over_vcan(tmp_path: Path, drives: Drives) -> tuple[int, dict[str,
     return done.returncode, json.loads((tmp_path / "found.json").read_text()), done.stdout
 
 
-@pytest.mark.full  # half a minute of cycles, which test_commission_in_process.py passes at once
+@pytest.mark.full  # half a minute of cycles; test_commission_in_process.py does not wait for them
 def test_command_finds_exchanged_drives_behind_a_node_on_socketcan(tmp_path: Path) -> None:
     status, figures, text = commission_over_vcan(tmp_path, Drives(axis=(0, 2, 1, 3, 4, 5)))
     assert status == 1

@@ -1,4 +1,4 @@
-"""What comparing targets with positions finds past a node in this process; that it sends nothing but questions."""
+"""What commissioning finds by comparing targets with positions, past an in-process node. It only reads the device."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UPLOAD_REQUESTS = (0x40, 0x60, 0x70, 0x80)  # begin, two toggles of a segment, a
 
 
 class Cell(can.BusABC):
-    """A bus inside this process: the node, a controller that moves, and drives. Time passes while somebody waits."""
+    """A bus inside this process: the node, a moving controller and drives. If no frame waits, `recv` runs a cycle."""
 
     def __init__(self, drives: Drives) -> None:
         super().__init__("in process")
@@ -42,7 +42,7 @@ class Cell(can.BusABC):
         self._pass(msg.arbitration_id, bytes(msg.data))
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """What waits, else what the next cycle brings."""
+        """The first waiting frame, else the first of the next cycle."""
         if not self._waiting and self.is_moving:
             self.cycle += 1
             for identifier, data in cycle_frames(self.cycle, self._drives):
@@ -64,13 +64,13 @@ class Cell(can.BusABC):
 
 
 def commissioned(drives: Drives) -> Report:
-    """Twice through all axes, past a node inside this process."""
+    """Commission over two swings of each axis, past a node inside this process."""
     cell = Cell(drives)
     client = SdoClient(cell, NODE_ID, 1.0)
     configure(client)
     cell.asked.clear()
     listener = Listener(client, Compensator(client).read_number("Compensator status.Joint count"))
-    cell.is_moving = True  # a client first empties its bus, which never would be
+    cell.is_moving = True  # only now: a client first drains its bus, which would never be empty
     end = cell.cycle + 12 * SWING
     while cell.cycle < end and (message := cell.recv()) is not None:
         listener.take(message)
@@ -95,13 +95,13 @@ def commissioned(drives: Drives) -> Report:
         ),
     ],
 )
-def test_drives_past_a_node_in_this_process(drives: Drives, findings: list[str]) -> None:
+def test_findings_name_exchanged_and_reversed_drives(drives: Drives, findings: list[str]) -> None:
     report = commissioned(drives)
     assert report.findings == findings
     assert report.unknown == []
 
 
-def test_drive_with_another_scale_past_a_node_in_this_process() -> None:
+def test_finding_names_a_drive_with_a_wrong_scale() -> None:
     report = commissioned(Drives(scale=(1, 1, 1, 1, 16, 1)))
     (sentence,) = report.findings
     assert sentence.startswith("axis 5: the drive moves 1")

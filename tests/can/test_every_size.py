@@ -1,6 +1,6 @@
-"""PyPI canopen against the node in one process: sizes all over the range; and what the sweep finds in a bad node.
+"""PyPI canopen against the node in one process: sizes over the whole range, and defects that the sweep must find.
 
-Every size is in tools/bench.d/62-sizes.sh.
+tools/bench.d/62-sizes.sh sweeps every size.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def test_contents_differ_from_size_to_size() -> None:
 
 
 class SpoiltNode(InProcessNode):
-    """A sound node with one defect, at the `left`th next request of one kind of segment."""
+    """A correct node except for one defect, at the `left`th next request for a segment of `kind`."""
 
     def __init__(self, kind: int, defect: Defect) -> None:
         super().__init__()
@@ -132,7 +132,7 @@ def test_one_defect_in_a_thousand_bytes_is_found(what: str, nth: int) -> None:
         there_and_back(remote, bus, 1000)
 
 
-def test_a_node_that_keeps_an_older_transfer_is_found() -> None:
+def test_node_that_returns_older_data_is_found() -> None:
     class Keeps(InProcessNode):
         older = False
 
@@ -152,10 +152,10 @@ def test_a_node_that_keeps_an_older_transfer_is_found() -> None:
 
 
 @pytest.mark.parametrize("sound", [True, False])
-def test_the_whole_sweep_says_what_it_found(
+def test_sweep_reports_its_counts_or_the_defect(
     sound: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Over 40 sizes in two processes; in a bad node each of them meets one flipped bit."""
+    """Over 40 sizes in two processes; with the defective node each process meets one flipped bit."""
 
     def make() -> InProcessNode:
         node = SpoiltNode(*DEFECTS["a bit of a first byte down"])
@@ -175,7 +175,7 @@ def test_the_whole_sweep_says_what_it_found(
         assert said.out == ""
 
 
-def test_the_client_is_the_one_from_pypi_and_says_what_the_device_is() -> None:
+def test_client_is_from_pypi_and_reads_the_device_identity() -> None:
     assert canopen.RemoteNode.__module__.startswith("canopen.")
     with in_process(WatchedBus(InProcessNode())) as remote:
         assert remote.sdo["Device type"].raw == 0xFFFF0192

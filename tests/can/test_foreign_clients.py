@@ -1,4 +1,4 @@
-"""Clients that nobody here wrote: can-utils, and zencan-client from crates.io (in Rust).
+"""Third-party clients: can-utils, and zencan-client from crates.io (in Rust).
 
 PyPI canopen is in test_sdo.py, on all targets in suite_foreign.py, and, with its CiA 402 profile, in sim/armtrue_loop.
 """
@@ -44,7 +44,7 @@ def run(*words: str, timeout_s: float = 60.0) -> str:
 
 @contextlib.contextmanager
 def candump(*arguments: str, hears: Sequence[int]) -> Iterator[subprocess.Popen[str]]:
-    """A candump that is known to listen: the kernel's lists of receivers have the identifiers it filters for."""
+    """A candump that listens already: the kernel's receiver lists have the identifiers that it filters for."""
     with subprocess.Popen(["candump", "-L", *arguments], stdout=subprocess.PIPE, text=True) as process:
         try:
             give_up = time.monotonic() + 30.0
@@ -81,11 +81,11 @@ def test_canplayer_replays_a_session(running_node: NodeProcess, tmp_path: Path) 
     assert frames[-1] == "720#05", "operational, and says so every 100 ms"
 
 
-def test_a_bus_as_full_as_cangen_makes_it_loses_no_answer(
+def test_no_sdo_answer_is_lost_on_a_bus_flooded_by_cangen(
     running_node: NodeProcess, remote: canopen.RemoteNode
 ) -> None:
     image = small_table(padding=4000)
-    # The device hears them all; a client in Python that does, too, is slower than they come.
+    # The device receives all frames; a Python client that did so would be slower than they come.
     remote.network.bus.set_filters([{"can_id": 0x580 + NODE_ID, "can_mask": 0x7FF, "extended": False}])
     with subprocess.Popen(["cangen", "vcan0", "-g", "0.3", "-I", "100", "-L", "8", "-i"]) as flood:
         try:
@@ -98,7 +98,7 @@ def test_a_bus_as_full_as_cangen_makes_it_loses_no_answer(
 
 
 @pytest.mark.full
-def test_zencan_client_does_everything(running_node: NodeProcess, tmp_path: Path) -> None:
+def test_zencan_client_passes_its_whole_check(running_node: NodeProcess, tmp_path: Path) -> None:
     tables = tmp_path / "tables.bin"
     tables.write_bytes(small_table(sequence=7, padding=2000))
     done = zencan_check("vcan0", str(NODE_ID), str(tables), timeout_s=120.0)
@@ -107,7 +107,7 @@ def test_zencan_client_does_everything(running_node: NodeProcess, tmp_path: Path
 
 @pytest.mark.full
 @pytest.mark.parametrize("arguments", [[], ["vcan0", "many", "x"]])
-def test_zencan_check_names_what_it_needs(arguments: list[str]) -> None:
+def test_zencan_check_with_wrong_arguments_names_expected_ones(arguments: list[str]) -> None:
     done = zencan_check(*arguments, timeout_s=60.0)
     assert done.returncode == 2
     assert "NODE" in done.stderr

@@ -28,7 +28,7 @@ PROGRAM = Path(sys.executable).parent / "armtrue"
 def line() -> Iterator[tuple[str, ...]]:
     """Options that reach a running board; the board has one client at a time, as a serial port has."""
     with qemu.board(qemu.build_images("stm32f405", "armtrue_stm32f405") / "armtrue_stm32f405.elf") as board:
-        # An adapter that resets when its port is opened needs a rest before it is talked to; ours does not.
+        # An adapter that resets when its port is opened needs a pause before the first command; ours does not.
         yield (
             "--interface", "slcan", "--channel", board.slcan_url(0), "--bitrate", "1000000",
             "--bus-option", "sleep_after_open=0.05",
@@ -42,7 +42,7 @@ def answer(line: tuple[str, ...], *words: str | Path) -> dict[str, object]:
     return dict(json.loads(done.stdout))
 
 
-def test_every_command_over_a_serial_line(line: tuple[str, ...], tmp_path: Path) -> None:
+def test_every_command_works_over_a_serial_line(line: tuple[str, ...], tmp_path: Path) -> None:
     tables, newer = tmp_path / "tables.bin", tmp_path / "newer.bin"
     tables.write_bytes(small_table(sequence=3))
     newer.write_bytes(small_table(sequence=4))
@@ -63,7 +63,7 @@ def test_every_command_over_a_serial_line(line: tuple[str, ...], tmp_path: Path)
 
 
 @pytest.mark.full
-def test_an_upload_killed_on_a_serial_line_is_repeated_at_once(line: tuple[str, ...], tmp_path: Path) -> None:
+def test_upload_killed_on_a_serial_line_can_be_repeated(line: tuple[str, ...], tmp_path: Path) -> None:
     tables = tmp_path / "tables.bin"
     tables.write_bytes(small_table(sequence=9, padding=12000))
     for count in (3, 900):
@@ -74,7 +74,7 @@ def test_an_upload_killed_on_a_serial_line_is_repeated_at_once(line: tuple[str, 
     assert armtrue("device", "verify", tables, *line).returncode == 0
 
 
-def test_a_person_sees_rate_and_remaining_time(line: tuple[str, ...], tmp_path: Path) -> None:
+def test_terminal_shows_rate_and_remaining_time(line: tuple[str, ...], tmp_path: Path) -> None:
     tables = tmp_path / "tables.bin"
     tables.write_bytes(small_table(sequence=20, padding=15000))
     child, terminal = pty.fork()

@@ -1,4 +1,4 @@
-"""What somebody on the bus could try with a table or an object: all refused, all reported (docs/security.md)."""
+"""Attacks from the bus by tables and objects: all refused, all reported (docs/security.md)."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def attack(keyed_node: NodeProcess) -> Iterator[Attack]:
 
 
 def forged_signature(image: bytes) -> bytes:
-    """Someone else's header over the owner's signature, the checksum made right."""
+    """A changed header with the owner's signature; the checksum is correct."""
     changed = bytearray(image)
     struct.pack_into("<I", changed, SEQUENCE_AT, 99)
     struct.pack_into("<I", changed, len(image) - 4, zlib.crc32(changed[:-4]))
@@ -94,7 +94,7 @@ def forged_signature(image: bytes) -> bytes:
 
 
 def signature_cut_off(image: bytes) -> bytes:
-    """The signed flag gone, as if the table had never been signed."""
+    """Signature and signed flag removed, as if the table had never been signed."""
     body = bytearray(image[: -4 - layout.SIGNATURE_LENGTH])
     struct.pack_into("<I", body, 8, len(body) + 4)
     struct.pack_into("<I", body, FLAGS_AT, 0)
@@ -119,7 +119,7 @@ def signature_cut_off(image: bytes) -> bytes:
         "replay of an older one", "another table under the same number", "wider magnitude", "faster rate",
     ],
 )  # fmt: skip
-def test_a_table_that_must_not_be_is_refused_and_reported(
+def test_unacceptable_table_is_refused_and_reported(
     attack: Attack, make: Callable[[], bytes], reason: int
 ) -> None:
     before = attack.read("Compensator status", "Refused")
@@ -134,7 +134,7 @@ def test_a_table_that_must_not_be_is_refused_and_reported(
     assert attack.node.sdo[0x1003][1].raw & 0xFFFF == 0xFF11
 
 
-def test_a_refused_table_is_refused_after_a_restart_too(attack: Attack, keyed_node: NodeProcess) -> None:
+def test_refused_table_is_refused_after_a_restart_too(attack: Attack, keyed_node: NodeProcess) -> None:
     keyed_node.stop()
     keyed_node.start()
     assert attack.active() == table()
@@ -142,8 +142,8 @@ def test_a_refused_table_is_refused_after_a_restart_too(attack: Attack, keyed_no
     assert attack.upload(table(8, STRANGER)) == WRONG_SIGNATURE
 
 
-def test_a_foreign_image_in_the_flash_is_not_taken(attack: Attack, keyed_node: NodeProcess) -> None:
-    """Another robot's slots, whole, signed, every checksum right."""
+def test_another_robots_image_in_the_flash_is_not_activated(attack: Attack, keyed_node: NodeProcess) -> None:
+    """The slots of another robot, complete and signed, with correct checksums."""
     keyed_node.stop()
     state = Path(keyed_node.command[keyed_node.command.index("--state") + 1])
     slots = (state / "slots.bin").read_bytes()
@@ -157,12 +157,12 @@ def test_a_foreign_image_in_the_flash_is_not_taken(attack: Attack, keyed_node: N
     assert (state / "slots.bin").read_bytes()[:slot] == slots[:slot], "and what is there stays as it is"
 
 
-def test_nothing_is_uploaded_while_joints_are_commanded(attack: Attack) -> None:
+def test_table_and_store_requests_are_refused_in_motion(attack: Attack) -> None:
     node = attack.node
     for number in range(3):
         node.sdo[0x1400 + number][1].raw = 0x220 + 0x100 * number
     node.sdo[0x2000][1].raw = 2
-    node.sdo[0x2000][5].raw = 60_000  # quiet for a minute: no pause of this machine is taken for one
+    node.sdo[0x2000][5].raw = 60_000  # one minute, so that no pause of this machine counts as quiet
     node.nmt.state = "OPERATIONAL"
     before = attack.read("Compensator status", "Refused")
     for number in range(3):
@@ -184,7 +184,7 @@ def test_nothing_is_uploaded_while_joints_are_commanded(attack: Attack) -> None:
     assert attack.active() == table()
 
 
-def test_what_may_only_be_read_is_not_written(attack: Attack) -> None:
+def test_write_to_a_read_only_object_is_refused_and_counted(attack: Attack) -> None:
     before = attack.read("Compensator status", "Refused")
     tried = 0
     for entry in attack.node.object_dictionary.values():
@@ -200,8 +200,8 @@ def test_what_may_only_be_read_is_not_written(attack: Attack) -> None:
     assert attack.read("Compensator status", "Refused") == before + tried
 
 
-def test_limits_of_the_command_stream_hold_whatever_is_written(attack: Attack) -> None:
-    """Time-outs can be set within their ranges only: stale input stays stale."""
+def test_control_values_outside_their_ranges_are_refused(attack: Attack) -> None:
+    """Time-outs cannot be set so long that stale input counts as fresh."""
     for sub, value in ((3, 499), (3, 1_000_001), (4, 99), (5, 99), (6, 99), (1, 3), (2, 2), (7, 9)):
         size = 1 if sub in (1, 2, 7) else 4
         with pytest.raises(canopen.SdoAbortedError) as refusal:
@@ -209,8 +209,7 @@ def test_limits_of_the_command_stream_hold_whatever_is_written(attack: Attack) -
         assert refusal.value.code in (0x06090031, 0x06090032)
 
 
-def test_frames_like_ours_from_somebody_else_are_not_ours(attack: Attack) -> None:
-    """Extended and remote frames with the identifier of NMT and SDO do nothing."""
+def test_extended_and_remote_nmt_and_sdo_frames_are_ignored(attack: Attack) -> None:
     with can.Bus(interface="socketcan", channel="vcan0") as bus:
         bus.send(can.Message(arbitration_id=0, data=[0x81, NODE_ID], is_extended_id=True))
         bus.send(can.Message(arbitration_id=0, dlc=2, is_remote_frame=True, is_extended_id=False))

@@ -1,4 +1,4 @@
-"""armtrue device monitor: what it shows is of one cycle, what it records was on the bus, nothing is lost."""
+"""armtrue device monitor: shown values are of one cycle, recorded frames were on the bus, no frame is lost."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from small_table import small_table
 REQUEST, ANSWER = 0x600 + NODE_ID, 0x580 + NODE_ID
 ABORT = 0x80  # command byte of an SDO abort
 TARGETS, OFFSETS = (0x220, 0x320, 0x420), (0x1A0, 0x2A0, 0x3A0)
-STEP = 30_000  # increments a joint goes on in a cycle
+STEP = 30_000  # increments that a joint advances in a cycle
 TURN = 1 << 20
 AMPLITUDE = -TURN / 1024 / math.tau  # small_table's
 
@@ -37,7 +37,7 @@ def commanded(offsets_on_the_bus: bool) -> Iterator[None]:
         if offsets_on_the_bus:
             node.sdo[0x1800 + pair][1].raw = 0x40000000 | OFFSETS[pair]
     node.sdo[0x2000][3].raw = 1_000_000
-    node.sdo[0x2000][4].raw = 500_000  # nothing is lost here, only late
+    node.sdo[0x2000][4].raw = 500_000  # frames may be late here, but are not lost
     node.sdo[0x2000][1].raw = 2 if offsets_on_the_bus else 1
     node.nmt.state = "OPERATIONAL"
     leaving = threading.Event()
@@ -63,9 +63,7 @@ def commanded(offsets_on_the_bus: bool) -> Iterator[None]:
 
 @pytest.mark.full
 @pytest.mark.parametrize("offsets_on_the_bus", [True, False])
-def test_joint_values_are_of_one_cycle_where_frames_carry_them(
-    tmp_path: Path, offsets_on_the_bus: bool
-) -> None:
+def test_joint_values_taken_from_frames_are_of_one_cycle(tmp_path: Path, offsets_on_the_bus: bool) -> None:
     file = tmp_path / "tables.bin"
     file.write_bytes(small_table())
     with NodeProcess(tmp_path / "state", downstream="vcan1"):
@@ -80,7 +78,7 @@ def test_joint_values_are_of_one_cycle_where_frames_carry_them(
     assert document["corrections_from"] == ("frames" if offsets_on_the_bus else "samples")
     if offsets_on_the_bus:
         wanted = [AMPLITUDE * math.sin(math.tau * target / TURN) for target in document["targets"]]
-        # A cycle earlier or later it would be up to AMPLITUDE * tau * STEP / TURN = 29 increments off.
+        # Corrections of the cycle before or after differ by up to AMPLITUDE * tau * STEP / TURN = 29 increments.
         assert document["corrections"] == pytest.approx(wanted, abs=2)
     assert document["downstream_bus_state"] == "active"
     assert document["downstream_frames"] > 0
@@ -88,7 +86,7 @@ def test_joint_values_are_of_one_cycle_where_frames_carry_them(
 
 @pytest.mark.full
 @pytest.mark.parametrize("suffix", [".blf", ".log"])
-def test_a_recording_reads_back_as_what_was_on_the_bus(tmp_path: Path, suffix: str) -> None:
+def test_recording_reads_back_the_frames_of_the_bus(tmp_path: Path, suffix: str) -> None:
     log = tmp_path / f"run{suffix}"
     with NodeProcess(tmp_path / "state"), commanded(True):
         begin = time.time()
@@ -105,7 +103,7 @@ def test_a_recording_reads_back_as_what_was_on_the_bus(tmp_path: Path, suffix: s
     assert {*TARGETS, *OFFSETS} <= {message.arbitration_id for message in recorded}
     if suffix == ".log":
         assert {message.channel for message in recorded} == {"vcan0"}
-    # An abort has no answer: one clears what an interrupted client left, or a transfer that took too long.
+    # An abort has no answer: it clears the transfer of an interrupted client, or one that took too long.
     talk = [
         message.arbitration_id
         for message in recorded
@@ -118,7 +116,7 @@ def test_a_recording_reads_back_as_what_was_on_the_bus(tmp_path: Path, suffix: s
     assert talk == [REQUEST, ANSWER] * (len(talk) // 2)
 
 
-def test_a_device_that_does_not_answer_costs_no_recording_and_no_more_time_than_was_given(
+def test_silent_device_times_out_and_keeps_the_older_recording(
     tmp_path: Path,
 ) -> None:
     log = tmp_path / "run.log"
@@ -132,17 +130,17 @@ def test_a_device_that_does_not_answer_costs_no_recording_and_no_more_time_than_
 
 
 def requests_in(log: Path) -> int:
-    """How many frames of ours a recording has."""
+    """Number of SDO requests in a recording."""
     return sum(message.arbitration_id == REQUEST for message in can.LogReader(str(log)))
 
 
 def any_request(_request: bytes) -> bool:
-    """Whatever the program asks."""
+    """Accept every request of the program."""
     return True
 
 
 @pytest.mark.full
-def test_ctrl_c_ends_a_recording_that_replaces_the_one_before(tmp_path: Path) -> None:
+def test_ctrl_c_saves_the_recording_over_the_older_one(tmp_path: Path) -> None:
     log = tmp_path / "run.log"
     log.write_text("an older recording\n")
     with NodeProcess(tmp_path / "state"):
@@ -159,7 +157,7 @@ def test_ctrl_c_ends_a_recording_that_replaces_the_one_before(tmp_path: Path) ->
 
 
 @pytest.mark.full
-def test_a_bus_that_goes_away_leaves_what_was_recorded(tmp_path: Path) -> None:
+def test_recording_survives_the_loss_of_the_bus(tmp_path: Path) -> None:
     log = tmp_path / "run.log"
     with NodeProcess(tmp_path / "state"):
         words = ("device", "monitor", "--record", log, "--period", "0.05", "--timeout", "0.5")

@@ -37,7 +37,7 @@ def test_the_page_has_every_object_of_the_eds(tmp_path: Path) -> None:
     assert "| :3 | Stale time-out (us) | UNSIGNED32 | rw | 20000 | 500…1000000 |  | yes |" in page
 
 
-def test_the_clients_load_the_same_file() -> None:
+def test_host_tools_contain_the_same_eds() -> None:
     installed = ROOT / "host_tools" / "armtrue" / "device" / "armtrue.eds"
     assert installed.read_bytes() == EDS.read_bytes()
     assert len(canopen.import_od(str(EDS), 32)) > 150
@@ -51,7 +51,7 @@ def test_the_clients_load_the_same_file() -> None:
         ("AccessType=wo", "AccessType=rwx", "AccessType 'rwx'"),
     ],
 )
-def test_an_eds_that_contradicts_itself_is_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_eds_that_contradicts_itself_is_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
     text = EDS.read_text(encoding="ascii")
     assert old in text
     spoilt = tmp_path / "spoilt.eds"
@@ -79,13 +79,13 @@ def test_the_protocol_page_has_every_emergency_code() -> None:
 
 
 def test_abort_codes_on_the_protocol_page_are_those_of_the_code() -> None:
-    """The page has those that mean something in particular here; CiA 301 has the others."""
+    """The page lists codes with a particular meaning here; CiA 301 lists the others."""
     particular = set(re.findall(r"^- 0x([0-9A-F]{8}): ", PROTOCOL, re.MULTILINE))
     assert len(particular) >= 7
     assert particular <= codes_of("protocol/sdo_abort.h", r"= 0x([0-9A-F]{8}),")
 
 
-def test_the_protocol_page_has_every_reason_and_command() -> None:
+def test_protocol_page_has_every_refusal_reason_and_command() -> None:
     for reason, words in REFUSALS.items():
         number = f"0x{reason:X}" if reason >= 0x100 else str(reason)
         assert reason == 0 or f"  - {number}: {words}\n" in PROTOCOL, words
@@ -97,7 +97,7 @@ def test_the_protocol_page_has_every_reason_and_command() -> None:
         assert f'`23 12 20 00 {wire}` "{word}"' in PROTOCOL
 
 
-def test_the_security_page_has_the_tables_that_are_tried_and_their_reasons() -> None:
+def test_security_page_lists_the_tried_tables_and_their_reasons() -> None:
     """In the order of tests/can/test_hostile_bus.py; a wider magnitude and a faster rate are one line."""
     tests = Path(__file__).with_name("test_hostile_bus.py").read_text(encoding="utf-8")
     named = re.search(r"^(UNSIGNED[A-Z_, ]+) = ([0-9a-fx, ]+)$", tests, re.MULTILINE)

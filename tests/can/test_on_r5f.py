@@ -16,12 +16,12 @@ from tests import qemu
 
 TARGET = "r5f.toml"
 BUILD_FIRST = functools.partial(qemu.build_images, "r5f", "armtrue_r5f")
-# Set by `./dev r5f-interrupts`: interrupts are demanded, and their numbers go into this file.
+# Set by `./dev r5f-interrupts`: the test then requires interrupts and writes their numbers into this file.
 RECORD_VARIABLE = "ARMTRUE_R5F_INTERRUPTS"
 
 
-def test_every_frame_comes_in_by_the_way_that_the_image_says(target: Target) -> None:
-    """By interrupt and nothing else where an interrupt controller was found, else by polling."""
+def test_frames_arrive_by_interrupt_or_polling_as_reported(target: Target) -> None:
+    """By interrupt only, if the image found an interrupt controller; otherwise by polling."""
     assert target.board is not None
     record = os.environ.get(RECORD_VARIABLE)
     frames = 100

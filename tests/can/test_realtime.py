@@ -13,7 +13,7 @@ from socket_bus import node_on_sockets
 pytestmark = pytest.mark.without_bus
 
 
-def test_node_answers_on_inherited_sockets_and_is_an_ordinary_process_unless_told(tmp_path: Path) -> None:
+def test_node_on_inherited_sockets_answers_at_normal_priority(tmp_path: Path) -> None:
     with node_on_sockets(tmp_path / "state") as (process, upstream, _):
         assert SdoClient(upstream, NODE_ID, 30.0).upload(0x1018, 0) == b"\4"
         assert os.sched_getscheduler(process.pid) == os.SCHED_OTHER
@@ -24,7 +24,7 @@ def may_run_in_real_time() -> bool:
     return os.geteuid() == 0
 
 
-def test_priority_is_that_of_the_process_and_its_memory_is_locked(tmp_path: Path) -> None:
+def test_priority_option_sets_sched_fifo_and_locks_memory(tmp_path: Path) -> None:
     if not may_run_in_real_time():
         refused = run_node(["--upstream", "fd:0", "--state", str(tmp_path / "state"), "--priority", "42"])
         assert refused.returncode == 2
@@ -46,7 +46,7 @@ def test_priority_is_that_of_the_process_and_its_memory_is_locked(tmp_path: Path
         (["--upstream", "fd:0", "--priority", "100"], "--priority: '100', expected a number from 1 to 99"),
     ],
 )
-def test_what_cannot_be_a_bus_or_a_priority_is_one_sentence(
+def test_bad_bus_or_priority_is_refused_in_one_sentence(
     tmp_path: Path, words: list[str], sentence: str
 ) -> None:
     done = run_node([*words, "--state", str(tmp_path / "state")])

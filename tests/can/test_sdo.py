@@ -1,4 +1,4 @@
-"""The SDO server, driven by a client that nobody here wrote (PyPI canopen)."""
+"""The SDO server, driven by an independent client (PyPI canopen)."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ def test_refusals_carry_the_code_of_the_standard(
     assert refusal.value.code == code
 
 
-# Every size in which a segment can end, over and over, then around one and several blocks of 127 segments and the
-# largest table. All 16384 sizes, by this client and the same server, go through tests/can/every_size.py
+# All sizes up to 128, with every length of the last segment; then sizes around one and several blocks of 127 segments
+# and the largest table. All 16384 sizes, by this client and the same server, go through tests/can/every_size.py
 # (tools/bench.d/62-sizes.sh), and by our own through firmware/testing/sizes_main.cc.
 EVERY_SIZE_UP_TO = 128
 SAMPLES = (
@@ -92,7 +92,7 @@ def test_segmented_download_reads_back(remote: canopen.RemoteNode, size: int) ->
     assert again_if_halted(lambda: remote.sdo.upload(0x2010, 0)) == image
 
 
-def test_staging_never_takes_more_than_a_slot(remote: canopen.RemoteNode) -> None:
+def test_staging_more_than_a_slot_is_refused(remote: canopen.RemoteNode) -> None:
     capacity = remote.sdo["Table status"]["Capacity (bytes)"].raw
     with pytest.raises(canopen.SdoAbortedError) as refusal:
         remote.sdo.download(0x2010, 0, bytes(capacity + 1))

@@ -63,7 +63,7 @@ def test_unconfirmed_trial_is_gone_after_a_restart(tmp_path: Path, tables: Path)
 
 
 @pytest.mark.full
-def test_revert_returns_to_the_table_before(tmp_path: Path, tables: Path) -> None:
+def test_revert_returns_to_the_previous_table(tmp_path: Path, tables: Path) -> None:
     newer = tmp_path / "newer.bin"
     newer.write_bytes(small_table(sequence=4, amplitude=1 << 21))
     with NodeProcess(tmp_path / "state"):
@@ -86,7 +86,7 @@ def test_revert_returns_to_the_table_before(tmp_path: Path, tables: Path) -> Non
         ({}, ["--public-key", "KEY"], "an unsigned table, the device expects a signed one"),
     ],
 )
-def test_what_is_not_for_this_device_is_refused_before_a_byte(
+def test_unacceptable_table_is_refused_before_the_transfer(
     tmp_path: Path, changes: dict[str, int], options: list[str], words: str
 ) -> None:
     key = tmp_path / "key"
@@ -114,7 +114,7 @@ def test_an_older_export_is_refused(tmp_path: Path, tables: Path) -> None:
         assert "export number 2" in refused.stderr
 
 
-def test_nobody_on_the_bus_and_no_bus_are_told_apart_from_refusals(tables: Path) -> None:
+def test_silent_node_and_missing_bus_exit_with_status_3(tables: Path) -> None:
     silent = armtrue("upload", tables, "--timeout", "0.2")
     assert silent.returncode == 3
     assert "node 32 did not answer within 0.2 s" in silent.stderr
@@ -124,7 +124,7 @@ def test_nobody_on_the_bus_and_no_bus_are_told_apart_from_refusals(tables: Path)
 
 
 def any_request(_request: bytes) -> bool:
-    """Whatever the program asks."""
+    """Accept every request of the program."""
     return True
 
 
@@ -134,7 +134,7 @@ def is_command(word: bytes) -> Callable[[bytes], bool]:
 
 
 def is_segment(request: bytes) -> bool:
-    """Whether a request carries bytes of the image: the padding of our tables is zeros, of their requests never."""
+    """Whether a request carries padding of the image: seven zeros, which no other request has there."""
     return request[1:8] == bytes(7)
 
 
@@ -158,7 +158,7 @@ INTERRUPTIONS: dict[str, tuple[int, Callable[[bytes], bool]]] = {
         ("segmented", ["first segments", "middle segments"]),
     ],
 )
-def test_an_upload_killed_anywhere_is_repeated_at_once(
+def test_upload_killed_at_any_step_can_be_repeated_at_once(
     tmp_path: Path, transfer: str, moments: list[str]
 ) -> None:
     file = tmp_path / "tables.bin"
@@ -173,7 +173,7 @@ def test_an_upload_killed_anywhere_is_repeated_at_once(
         assert armtrue("device", "verify", file).returncode == 0
 
 
-def test_ctrl_c_ends_the_transfer_on_the_device_too(tmp_path: Path) -> None:
+def test_ctrl_c_aborts_the_transfer_on_the_device(tmp_path: Path) -> None:
     file = tmp_path / "tables.bin"
     file.write_bytes(small_table(padding=12000))
     with NodeProcess(tmp_path / "state"), requests_seen() as bus:
@@ -188,7 +188,7 @@ def test_ctrl_c_ends_the_transfer_on_the_device_too(tmp_path: Path) -> None:
 
 @contextmanager
 def requests_seen() -> Iterator[Iterator[can.Message]]:
-    """What is sent to the device's SDO server within the block, as it is taken: a socket keeps 277 frames, ours all."""
+    """Requests to the device's SDO server during the block; an ordinary socket keeps 277 frames, this one all."""
     only = [{"can_id": 0x600 + NODE_ID, "can_mask": 0x7FF, "extended": False}]
     with can.Bus(interface="socketcan", channel="vcan0", can_filters=only) as bus:
         keep_all_frames(bus)
@@ -196,7 +196,7 @@ def requests_seen() -> Iterator[Iterator[can.Message]]:
 
 
 @pytest.mark.full
-def test_a_bus_that_goes_away_is_no_answer_and_the_upload_can_be_repeated(tmp_path: Path) -> None:
+def test_upload_fails_without_its_bus_and_can_be_repeated(tmp_path: Path) -> None:
     file = tmp_path / "tables.bin"
     file.write_bytes(small_table(padding=12000))
     words = ("upload", file, "--transfer", "segmented")
@@ -217,7 +217,7 @@ def test_a_bus_that_goes_away_is_no_answer_and_the_upload_can_be_repeated(tmp_pa
 @pytest.mark.parametrize(
     "silent", [False, True], ids=["back at once", "away for longer than an answer may take"]
 )
-def test_a_node_that_restarts_in_the_middle_does_not_matter(tmp_path: Path, silent: bool) -> None:
+def test_upload_completes_although_the_node_restarts(tmp_path: Path, silent: bool) -> None:
     file = tmp_path / "tables.bin"
     file.write_bytes(small_table(sequence=9, padding=12000))
     gives_up = Moment(signal.SIGSTOP, 1, lambda request: request[:4] == b"\x80\x10\x20\x00")
@@ -245,7 +245,7 @@ def test_upload_while_joints_are_commanded_is_refused(tmp_path: Path, tables: Pa
             node.sdo[0x1400 + number][1].raw = 0x200 + 0x100 * number + 0x20
             node.sdo[0x1800 + number][1].raw = OFFSET_COB_ID + 0x100 * number
         node.sdo[0x2000][1].raw = 2
-        # The longest quiet time: no pause of this machine is taken for a stop.
+        # The longest quiet time, so that no pause of this machine counts as a stop.
         node.sdo[0x2000][5].raw = 60_000
         node.sdo[0x2000][4].raw = 500_000
         node.nmt.state = "OPERATIONAL"
@@ -269,7 +269,7 @@ def test_upload_while_joints_are_commanded_is_refused(tmp_path: Path, tables: Pa
 
 
 def warnings_of(*words: str | Path) -> list[str]:
-    """What a command that succeeds warns of; for people as well as for programs."""
+    """The warnings of a command that succeeds, in JSON; the text must show as many."""
     done = armtrue("device", *words, "--json", "-")
     assert done.returncode == 0, done.stderr
     warnings = list(json.loads(done.stdout)["warnings"])
@@ -278,14 +278,14 @@ def warnings_of(*words: str | Path) -> list[str]:
 
 
 def write(index: int, sub: int, value: int) -> None:
-    """Over a connection of its own: an old one hears the answers that the commands in between were given."""
+    """Over its own connection: an older one has received the answers to the commands in between."""
     node = connect()
     node.sdo[index][sub].raw = value
     disconnect(node)
 
 
 @pytest.mark.full  # a dozen commands, half a minute in User-Mode Linux
-def test_a_device_that_corrects_nothing_or_will_forget_is_told_of(tmp_path: Path, tables: Path) -> None:
+def test_inactive_correction_and_unsaved_parameters_are_warned_of(tmp_path: Path, tables: Path) -> None:
     with NodeProcess(tmp_path / "state") as process:
         uploaded = armtrue("upload", tables, "--confirm", "--json", tmp_path / "out.json")
         assert "! warning" in uploaded.stdout
@@ -314,7 +314,7 @@ def test_a_device_that_corrects_nothing_or_will_forget_is_told_of(tmp_path: Path
 
 
 @pytest.mark.full
-def test_every_command_answers_a_program(tmp_path: Path, tables: Path) -> None:
+def test_every_command_answers_in_json(tmp_path: Path, tables: Path) -> None:
     newer = tmp_path / "newer.bin"
     newer.write_bytes(small_table(sequence=4))
     with NodeProcess(tmp_path / "state"):
@@ -334,7 +334,7 @@ def test_every_command_answers_a_program(tmp_path: Path, tables: Path) -> None:
 
 
 @pytest.mark.full
-def test_what_the_device_has_not_got_is_refused(tmp_path: Path, tables: Path) -> None:
+def test_command_that_needs_an_absent_table_is_refused(tmp_path: Path, tables: Path) -> None:
     with NodeProcess(tmp_path / "state"):
         for words, reason in (
             (("device", "dump", tmp_path / "back.bin"), "no table in force"),
@@ -350,9 +350,9 @@ def test_what_the_device_has_not_got_is_refused(tmp_path: Path, tables: Path) ->
 
 
 @pytest.mark.full
-def test_monitor_shows_what_the_joint_path_does(tmp_path: Path) -> None:
+def test_monitor_shows_targets_corrections_and_clamping(tmp_path: Path) -> None:
     file = tmp_path / "tables.bin"
-    file.write_bytes(small_table(magnitude=1 << 14))  # less than the table wants to correct
+    file.write_bytes(small_table(magnitude=1 << 14))  # less than the table's correction
     targets = [100_000 + 1000 * joint for joint in range(6)]
     with NodeProcess(tmp_path / "state"):
         assert armtrue("upload", file, "--confirm").returncode == 0
@@ -391,7 +391,7 @@ def test_monitor_shows_what_the_joint_path_does(tmp_path: Path) -> None:
 
 
 @pytest.mark.full
-def test_info_selftest_and_monitor(remote: canopen.RemoteNode, tmp_path: Path) -> None:
+def test_info_selftest_and_monitor_of_an_idle_node(remote: canopen.RemoteNode, tmp_path: Path) -> None:
     told = armtrue("device", "info", "--json", "-")
     assert told.returncode == 0, told.stderr
     assert json.loads(told.stdout)["Compensator status.Joint count"] == 6

@@ -1,4 +1,4 @@
-"""What can be said without a bus: interfaces that cannot be opened here, and a monitor's bad input."""
+"""Errors that need no bus: interfaces that cannot be opened here, bad monitor options, damaged files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from small_table import small_table
 
 pytestmark = pytest.mark.without_bus
 PROGRAM = Path(sys.executable).parent / "armtrue"
-# The kernel's, and a serial line.
+# Tested with every change: the kernel's interface, and a serial line.
 EVERY_TIME = ("socketcan", "slcan")
 
 
@@ -21,8 +21,8 @@ EVERY_TIME = ("socketcan", "slcan")
     "interface",
     [pytest.param(i, marks=() if i in EVERY_TIME else pytest.mark.full) for i in sorted(VALID_INTERFACES)],
 )
-def test_a_bus_that_is_not_there_is_one_sentence(interface: str) -> None:
-    # A number is a channel to all of them; no device and no multicast group has this one.
+def test_missing_bus_is_reported_in_one_sentence(interface: str) -> None:
+    # All interfaces accept a number as their channel; no device and no multicast group has this one.
     words = ["--interface", interface, "--channel", "0", "--timeout", "0.05"]
     done = subprocess.run(
         [PROGRAM, "device", "info", *words], capture_output=True, text=True, timeout=60.0, check=False
@@ -43,7 +43,7 @@ def test_a_bus_that_is_not_there_is_one_sentence(interface: str) -> None:
         (["--record", "run.xyz"], "run.xyz: found a name that ends in '.xyz', expected one of"),
     ],
 )
-def test_what_cannot_be_watched_is_one_sentence(words: list[str], sentence: str) -> None:
+def test_bad_monitor_option_is_reported_in_one_sentence(words: list[str], sentence: str) -> None:
     done = armtrue("device", "monitor", *words, "--json", "-", "--interface", "virtual")
     assert done.returncode == 2
     assert sentence in done.stderr
@@ -60,7 +60,7 @@ def test_what_cannot_be_watched_is_one_sentence(words: list[str], sentence: str)
         (lambda image: image[:300] + bytes([image[300] ^ 1]) + image[301:], "the file is damaged"),
     ],
 )
-def test_a_spoilt_file_is_one_sentence(tmp_path: Path, spoil: object, words: str) -> None:
+def test_damaged_file_is_reported_in_one_sentence(tmp_path: Path, spoil: object, words: str) -> None:
     file = tmp_path / "tables.bin"
     file.write_bytes(spoil(small_table()))  # type: ignore[operator]
     refused = armtrue("upload", file)

@@ -1,4 +1,4 @@
-"""Fixed against double on 100 000 random reachable poses of each simulated arm; the table goes into docs/results.md.
+"""Fixed-point against double on 100 000 random reachable poses of each simulated arm: the table for docs/results.md.
 
     accuracy_report.py [--poses N]
 
@@ -54,7 +54,7 @@ def row(case: tuple[str, bool, int]) -> tuple[str, bool]:
 
 
 def main() -> int:
-    """Print the table; 1 where a bound is exceeded."""
+    """Print the table; exit status 1 if a bound is exceeded."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--poses", type=int, default=100_000)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())

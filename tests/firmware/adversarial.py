@@ -1,7 +1,7 @@
 """Tables that no exporter makes: many records of one kind, at the limits of what a signed table may hold.
 
-Each is built record by record from docs/table-format.md, so that what a cycle costs at worst can be measured
-kind by kind.
+Each is built record by record from docs/table-format.md, so that the worst cost of a cycle can be measured for each
+kind of record.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from armtrue.tables import layout
 from armtrue.tables.layout import Node, Section, State
 
 _IDENTITY = (1 << 30, 0, 0, 0, 1 << 30, 0, 0, 0, 1 << 30)
-# Unit rows, none of them a turn about x alone: the general way of every rotation.
+# Unit rows, none of them a turn about x alone: every rotation takes the general path.
 _GENERAL = (858993459, 644245094, 0, -644245094, 858993459, 0, 0, 0, 1 << 30)
 _RATE = 429496730
 _MAGNITUDE = 214748365
@@ -23,7 +23,7 @@ _MAGNITUDE = 214748365
 
 @dataclass
 class Table:
-    """Records by section, and the header's counts of what stands first."""
+    """Records by section, and the header's counts of constant and steep records, which stand first."""
 
     joints: int = 6
     full_pose: bool = False
@@ -132,7 +132,7 @@ def coupling(table: Table, count: int) -> None:
 
 
 def node(part: str, make: Callable[[Table, int, int], bytes]) -> Callable[[Table, int], None]:
-    """`count` nodes of one kind in a part of the list; `make(table, slot it may read, number)` is the record."""
+    """`count` nodes of one kind in a part of the list; `make(table, slot that it may read, number)` packs one."""
 
     def add(table: Table, count: int) -> None:
         slot = 0 if part == "constant" else table.add_state(State.MOTOR, 0)
@@ -179,7 +179,7 @@ def spline(table: Table, slot: int, _number: int) -> bytes:
 
 
 def grid(axes: int, outputs: int, nodes: int, explicit: bool) -> Callable[[Table, int, int], bytes]:
-    """A grid whose data all nodes share, fully covered; a grid of several outputs brings its continuations."""
+    """A fully covered grid whose data all nodes share; with several outputs, continuation records follow it."""
 
     def make(table: Table, slot: int, _number: int) -> bytes:
         if Section.DATA not in table.records:
@@ -187,7 +187,7 @@ def grid(axes: int, outputs: int, nodes: int, explicit: bool) -> Callable[[Table
             for _ in range(axes):
                 content += layout.GRID_AXIS.pack(slot, nodes, layout.AXIS_EXPLICIT if explicit else 0)
                 if explicit:
-                    # Over the whole range: whatever the slot holds, the cell has to be looked for.
+                    # Over the whole range, so that the cell must be searched for at any value of the slot.
                     content += struct.pack(
                         f"<{nodes}i", *[-(1 << 31) + i * ((1 << 32) // nodes) for i in range(nodes)]
                     )
@@ -222,7 +222,7 @@ def term(part: str) -> Callable[[Table, int], None]:
     """Terms in a part of the list."""
 
     def add(table: Table, count: int) -> None:
-        # The constant 1 is folded at load where it stands first: a direction of approach is not.
+        # The constant 1 is folded at load where it stands first; an approach direction is not.
         slot = table.add_state(State.DIRECTION, 0)
         table.add(
             Section.TERMS, *[layout.TERM.pack(i % table.joints, 0, slot, 1 << 10) for i in range(count)]
@@ -259,7 +259,7 @@ def slow_wave(table: Table, count: int) -> None:
 
 
 def frames(table: Table, count: int) -> None:
-    """`count` virtual joints that turn: the base, the links, the tool; by more than the second order covers."""
+    """`count` virtual joints (base, links, tool) that turn further than the second-order approximation covers."""
     places = [*range(table.joints + 1), layout.TOOL_FRAME][:count]
     for place in places:
         table.add(Section.TERMS, layout.TERM.pack(8 + 6 * place + 3, 0, 0, 1 << 29))
@@ -274,7 +274,7 @@ def sensors(table: Table, count: int) -> None:
 
 
 def _kinds() -> dict[str, Callable[[Table, int], None]]:
-    """Every kind of record and of node, by name: adds `count` of it to a table, the way that takes longest."""
+    """By name of each kind of record and node: a function that adds `count` of them to a table in the costliest way."""
     kinds: dict[str, Callable[[Table, int], None]] = {
         "direction": states(State.DIRECTION),
         "motor position": states(State.MOTOR),

@@ -1,7 +1,7 @@
-"""Fits whose truth is known: a simulated arm's own terms written as a fit.json, nothing estimated.
+"""Fits with known truth: a simulated arm's own terms written as a fit.json, nothing estimated.
 
-What a compensator makes of such a fit can be judged twice: against the fitted model in double precision, and against
-the simulator, which shares no code with either.
+A compensator's output for such a fit can be compared with the fitted model in double precision and with the simulator,
+which shares no code with either.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from armtrue_sim.scenario import Scenario
 Array = np.ndarray
 
 # Every effect of the catalogue that is exported, on arms of each kind. `residual_grid` and `transmission_pwl` of the
-# simulator have their own shapes; the tables of tests are put on top by `with_tables`.
+# simulator have their own shapes; tests add their tables by `with_tables`.
 ALL_EFFECTS: dict[str, list[Any]] = {
     "kr30": [
         "joint_offset", "link_geometry", "joint_scale", "joint_compliance", "stiffness_nonlinear", "bending_compliance",
@@ -52,7 +52,7 @@ ALL_EFFECTS: dict[str, list[Any]] = {
     ],
 }  # fmt: skip
 
-# Too few motors for an attitude: the damped step meets position and attitude as well as it can, and neither exactly.
+# Too few motors for an attitude: the damped step approximates position and attitude, and meets neither exactly.
 FOUR_MOTORS = ("scara", "palletiser")
 
 # The simulator's parallelogram is the exact four-bar; these are the linear terms that a fit of it has.
@@ -82,7 +82,7 @@ def normalised_robot(content: dict[str, Any]) -> dict[str, Any]:
         return load_robot(path).spec
 
 
-# Of an error that nobody measured.
+# Error figures of a fit without measurements.
 NO_FIGURES = dict.fromkeys(("mean_um", "rms_um", "p95_um", "max_um"))
 
 
@@ -108,7 +108,7 @@ def document_of(arm: Arm, robot: dict[str, Any]) -> dict[str, Any]:
         "parameters": [
             parameter(
                 term.coordinate,
-                # A device knows gravity's torque; what a balancer takes off it is not in these arms' tables.
+                # A device computes the gravity torque; what a balancer takes off it is not in these arms' tables.
                 re.sub(r"\bload(\d+)", r"tau\1", term.expression),
                 term.value,
                 effect=term.effect,
@@ -211,7 +211,7 @@ def _grid_parameters(limits: list[list[float]], count: int, rng: np.random.Gener
 
 @functools.cache
 def full_document(arm: str, *, grid_nodes: int | None = None, seed: int = 1) -> str:
-    """Every effect and 3 degree tables, as JSON text (cached, so that nobody changes it)."""
+    """Every effect and 3 degree tables, as JSON text: the result is cached, and text cannot be changed."""
     exact = simulated(arm, seed)
     document = document_of(exact, exact.robot)
     document["parameters"] += [parameter(*term, effect="parallelogram") for term in EXTRA_TERMS.get(arm, [])]
@@ -219,7 +219,7 @@ def full_document(arm: str, *, grid_nodes: int | None = None, seed: int = 1) -> 
 
 
 def full_arm(arm: str, *, grid_nodes: int | None = None, seed: int = 1, geometry: float = 1.0) -> FittedArm:
-    """The fit of `full_document`, read, with lengths and zeros `geometry` times as far from nominal."""
+    """The arm of `full_document`, its lengths and zeros `geometry` times as far from nominal."""
     document = json.loads(full_document(arm, grid_nodes=grid_nodes, seed=seed))
     for entry in document["parameters"]:
         if entry["effect"] in ("joint_offset", "link_geometry"):
@@ -230,7 +230,7 @@ def full_arm(arm: str, *, grid_nodes: int | None = None, seed: int = 1, geometry
 def random_surroundings(
     arm: FittedArm, rows: int, rng: np.random.Generator, payload_max: float
 ) -> Surroundings:
-    """Everything at random within what an arm meets."""
+    """Random temperatures, payloads, times and approach directions within usual ranges."""
     return Surroundings(
         {sensor: rng.uniform(10.0, 45.0, rows) for sensor in arm.chain.sensors},
         payload=rng.uniform(0.0, payload_max, rows),
@@ -240,7 +240,7 @@ def random_surroundings(
 
 
 def random_joints(arm: FittedArm, rows: int, rng: np.random.Generator) -> Array:
-    """Commands anywhere that the arm can stand: within the limits, its linkage not folded."""
+    """Random commands at which the arm can stand: within the limits, its linkage not folded."""
     low, high = arm.chain.limits.T
     poses = rng.uniform(low, high, (4 * rows, arm.chain.joint_count))
     return poses[arm.chain.can_stand(poses)][:rows]

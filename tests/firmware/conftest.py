@@ -1,4 +1,4 @@
-"""What the firmware's tests share."""
+"""Import paths of the firmware's tests."""
 
 from __future__ import annotations
 

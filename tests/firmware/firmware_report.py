@@ -1,4 +1,4 @@
-"""What the firmware costs: bytes, stack, instructions a cycle and where they go. `./dev firmware` prints it.
+"""Bytes, stack and instructions a cycle of the firmware, also by function. `./dev firmware` prints them.
 
 With the word `table`: the STM32F405's figures beside their budgets, as docs/results.md has them.
 """
@@ -27,7 +27,7 @@ IMAGES = (
     ("cortex-m7", "cycle_replay", "Cortex-M7, the core alone (recorded cycles)"),
     ("r5f", "armtrue_r5f", "Cortex-R5F (Zynq UltraScale+), the product"),
 )
-# Functions by what they are for; the first word that a C++ name contains (or is, after =) decides.
+# Parts of the firmware: a function belongs to the first one with a word that its C++ name contains (or is, after =).
 PARTS = (
     ("1-D tables and grids", ("interpolate", "locate")),
     ("gravity", ("update_gravity",)),
@@ -93,7 +93,7 @@ def instructions() -> None:
 
 
 def _profile(elf: Path, made: recording.Recording) -> Counter[str]:
-    """Instructions a cycle by C++ function: those of a run less those of one that stops some cycles earlier."""
+    """Instructions a cycle by C++ function: those of a run less those of one that stops PROFILED_CYCLES earlier."""
     end = 300  # the first table, the one with the grid, is in force
     counts = []
     for cycles in (end - PROFILED_CYCLES, end):

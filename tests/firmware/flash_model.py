@@ -1,12 +1,12 @@
-"""Clocks that the STM32F405 takes at 168 MHz: the emulator's trace through a model of the flash accelerator.
+"""Clocks of the STM32F405 at 168 MHz, from the emulator's trace and a model of the flash accelerator.
 
 The model (RM0090, 3.5; Cortex-M4 technical reference manual, 3.3):
 - Flash is read in lines of 128 bits, five wait states each.
-- The instruction cache has 64 lines and replaces the one used longest ago. Only lines that a jump leads to are kept.
+- The instruction cache has 64 lines and replaces the least recently used one. Only lines that a jump leads to are kept.
 - The next line in memory is read by the prefetch buffer while the present one is executed, in six clocks.
 - An instruction takes one clock; two more where the next executed is not the next in memory.
 - A load or store takes one more, a multiple one as many more as it has registers, a division five more.
-- Constants in flash are as fast as RAM, interrupts are none, and RAM has no wait states.
+- Constants in flash are as fast as RAM, RAM has no wait states, and there are no interrupts.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def extra_clocks(elf: Path) -> dict[int, tuple[int, int]]:
 
 
 def clocks(addresses: list[int], kinds: dict[int, tuple[int, int]]) -> int:
-    """Of a sequence of executed instructions."""
+    """Clocks of a sequence of executed instructions."""
     cache: collections.OrderedDict[int, None] = collections.OrderedDict()
     time = 0
     line, prefetched_at, follows = -1, 0, -1
@@ -88,7 +88,7 @@ def clocks(addresses: list[int], kinds: dict[int, tuple[int, int]]) -> int:
 
 
 def trace(elf: Path, recorded: bytes, timeout_s: float = 300.0) -> list[int]:
-    """The address of every instruction of a run, in their order. About 80 bytes each in a file: short runs."""
+    """Addresses of a run's instructions, in order. For short runs: the trace file has about 80 bytes for each."""
     with tempfile.TemporaryDirectory() as folder:
         source, sink, log = (Path(folder, name) for name in ("in", "out", "log"))
         source.write_bytes(recorded)
@@ -100,7 +100,7 @@ def trace(elf: Path, recorded: bytes, timeout_s: float = 300.0) -> list[int]:
 
 
 def clocks_per_instruction(elf: Path, recorded: bytes) -> float:
-    """The mean over a run, from its last third on: the beginning installs a table."""
+    """The mean over the last third of a run: the beginning installs a table."""
     executed = trace(elf, recorded)
     executed = executed[2 * len(executed) // 3 :]
     return clocks(executed, extra_clocks(elf)) / len(executed)

@@ -12,7 +12,7 @@ sys.path[:0] = [str(Path(__file__).parent), str(ROOT / "sim")]
 import arms  # noqa: E402
 from armtrue.tables import ExportOptions, export, fitted_arm  # noqa: E402
 
-# Whatever makes another kind of record or node.
+# Each makes another kind of record or node.
 EXPRESSIONS = [
     "1", "q1", "th2*q1", "sin(q1)", "cos(3*q2)", "sin(q1 + 2*q2)", "sin(q1^2)", "abs(q1)", "sign(q2)*q2",
     "min(q1, q2)", "max(q1, -0.3)", "1/(q2 + 4)", "exp(-time/1800)", "dT", "payload*cos(q2)", "dir1", "tau2",

@@ -56,7 +56,7 @@ def calls(code: dict[str, list[str]]) -> dict[str, set[str]]:
 
 
 def reachable(graph: dict[str, set[str]], roots: list[str]) -> set[str]:
-    """Everything that `roots` can come to call."""
+    """All functions that `roots` call, directly or not."""
     seen: set[str] = set()
     waiting = list(roots)
     while waiting:
@@ -68,7 +68,7 @@ def reachable(graph: dict[str, set[str]], roots: list[str]) -> set[str]:
 
 
 def recursive(graph: dict[str, set[str]], within: set[str]) -> list[str]:
-    """Functions of `within` that can come back to themselves."""
+    """Functions of `within` that call themselves, directly or not."""
     return sorted(f for f in within if f in reachable(graph, list(graph.get(f, set()))))
 
 
@@ -105,7 +105,7 @@ LIBRARY_FRAME = 64
 
 
 def frame_of(function: str, sizes: dict[str, int]) -> int:
-    """Stack bytes of one linked function. Errors where the compiler said nothing about it."""
+    """Stack bytes of one linked function. Errors if the compiler recorded none."""
     # A constructor of a complete object is the same code as that of a base object, under another name.
     for name in (function, re.sub(r"C1(E|I|v|R)", r"C2\1", function)):
         if name in sizes:
@@ -142,8 +142,8 @@ def demangled(names: list[str]) -> dict[str, str]:
     return dict(zip(names, text.splitlines(), strict=True))
 
 
-# What stands behind the calls that go through a pointer: who calls (by C++ name) which functions. A function with such
-# a call that is not listed fails the stack's test, and so does an entry that names nothing.
+# Calls through pointers: the calling functions (by C++ name), and those that they can call. The stack test fails on an
+# unlisted function with such a call, and on an entry that names nothing in the image.
 _PORT = r"(BxCan<.*>|SlcanPort|ZynqMpCan<.*>)::"
 _FLASH = r"(GuardedFlash<.*>|PatientFlash|RamFlash|FlashDriver<.*>)::"
 _VERIFY = r"(IdentityVerifier|AcceptAll)::verify\("
@@ -216,7 +216,7 @@ def with_indirect_calls(code: dict[str, list[str]], graph: dict[str, set[str]]) 
     return result
 
 
-# What an exception pushes, with the word that aligns it (Arm DDI 0403, B1.5.6).
+# Bytes that an exception pushes, with the alignment word (Arm DDI 0403, B1.5.6).
 EXCEPTION_FRAME = 36
 
 
@@ -283,7 +283,7 @@ def section_sizes(elf: Path) -> dict[str, int]:
     return {name: int(size) for name, size, *_ in fields}
 
 
-# Two buffers of this size, whose contents are tables, stand in every image that takes tables.
+# Every image that accepts tables has two buffers of this size for them.
 TABLE_SLOT = 16 * 1024
 
 

@@ -1,4 +1,4 @@
-"""How late SYNC and targets leave the STM32F405's node, and by how much that varies, per mode and frame layout.
+"""Latency of SYNC and targets through the STM32F405's node, and its spread, per mode and frame layout.
 
 python tests/firmware/latency_report.py [--cycles N]
 """
@@ -47,7 +47,7 @@ class Case:
 
 
 def cases() -> list[Case]:
-    """All that are told apart."""
+    """All cases that the table has."""
     return [
         Case(mode, layout, synchronous)
         for mode in MODES
@@ -87,7 +87,7 @@ def measure(elf: Path, case: Case, motion: recording.Recording, clocks_per_instr
 
 
 def spread(values: np.ndarray) -> str:
-    """Median (minimum–maximum); or that (in how many cycles) nothing came."""
+    """Median (minimum–maximum) and the number of cycles without output; "never" if no cycle had one."""
     if np.isnan(values).all():
         return "never"
     missing = f", {np.isnan(values).sum()} missing" if np.isnan(values).any() else ""
@@ -95,7 +95,7 @@ def spread(values: np.ndarray) -> str:
 
 
 def model(elf: Path) -> float:
-    """Clocks an instruction, of some inline cycles."""
+    """Clocks per instruction, from ten inline cycles."""
     return flash_model.clocks_per_instruction(
         elf, input_of(Case("inline", "2 axes a PDO", False), motion(10), 2.0)
     )

@@ -1,9 +1,9 @@
-"""Poses and the corrections that are right for them, for a C++ test: `reference_cases.py FOLDER` writes the files.
+"""Poses and their reference corrections, for a C++ test: `reference_cases.py FOLDER` writes the files.
 
-What is right is the exact inverse of the model in double precision (`armtrue.tables.Reference`), which shares no code
+The reference is the exact inverse of the model in double precision (`armtrue.tables.Reference`), which shares no code
 with the firmware. A file, little-endian: int32 length of the image, number of joints, of sensors and of cases; the
 image; then for each case int64 target [2^-32 turn or metre] of every joint, int32 temperature difference of every
-sensor, payload and time as `Surroundings` of firmware/core/evaluation/terms.h has them, int32 direction and right
+sensor, payload and time as `Surroundings` of firmware/core/evaluation/terms.h has them, int32 direction and reference
 correction of every joint.
 """
 
@@ -27,7 +27,7 @@ from fuzz_corpus import EXPRESSIONS  # noqa: E402
 
 FOLDER = ROOT / "firmware/core/evaluation/reference"
 CASES = 60
-# The smallest singular value of the Jacobian, by the reach: nearer to singularities joints say little of the tool.
+# Least singular value of the Jacobian, by the reach: nearer to singularities the joints say little about the tool.
 REGULAR = 0.12
 PAYLOAD_KG = 3.0
 _UNIT = 2.0**32
@@ -76,7 +76,7 @@ def documents() -> dict[str, tuple[FittedArm, bool]]:
 
 
 def regular(arm: FittedArm, joints: np.ndarray, around: Surroundings, full_pose: bool) -> np.ndarray:
-    """Which rows stand away from singularities."""
+    """Whether each row is away from singularities."""
     jacobian = Reference(arm, "").real(joints, around)[1]
     rows = jacobian[:, :3]
     if full_pose:

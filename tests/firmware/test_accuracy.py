@@ -1,7 +1,7 @@
 """The fixed-point engine against the exact inverse in double precision, on simulated arms with every effect.
 
 The measure: distance between the point that the fitted model in double precision reaches at the corrected command and
-the point that nominal kinematics gives for the command asked for. "Away from singularities": the smallest singular
+the point that nominal kinematics gives for the requested command. "Away from singularities": the smallest singular
 value of the Jacobian (position, or pose with rotations weighed by a quarter of the reach) is at least 10 % of the
 reach: there a millimetre of tool error takes at most some milliradians. Nearer to singularities, down to 5 %, the mean
 is held to the same bound and the largest error to ten times it.
@@ -87,7 +87,7 @@ def measured(
     least = np.linalg.svd(rows, compute_uv=False)[:, min(rows.shape[1:]) - 1]
     um, urad = between(wanted, reached)
     uncorrected_um, uncorrected_urad = between(wanted, reference.real(joints, around)[0])
-    # What a correction makes small: the distance, and with the attitude held also the turn, as lengths.
+    # A correction minimises the distance and, with the attitude held, also the turn, both as lengths.
     radian_m = 0.25 * arm.chain.reach_m if full_pose else 0.0
     return {
         "um": um,
@@ -104,7 +104,7 @@ def measured(
 @pytest.mark.quick("lbr-pose", "palletiser-position")
 @pytest.mark.parametrize("full_pose", [False, True], ids=["position", "pose"])
 @pytest.mark.parametrize("name", list(arms.ALL_EFFECTS))
-def test_fixed_is_double(name: str, full_pose: bool) -> None:
+def test_fixed_point_engine_agrees_with_the_exact_inverse(name: str, full_pose: bool) -> None:
     if full_pose and name in arms.FOUR_MOTORS:
         result = measured(name, full_pose, 2000)
         assert np.isfinite(result["um"]).all()
@@ -112,7 +112,7 @@ def test_fixed_is_double(name: str, full_pose: bool) -> None:
     result = measured(name, full_pose)
     regular = result["regular"]
     assert regular.mean() > (0.15 if full_pose else 0.6)
-    # A clamp in a regular posture would be a limit that the exporter set too low.
+    # A clamp in a regular posture would mean that the exporter set the limit too low.
     clamped = result["flags"] & engine_flags.MAGNITUDE_CLAMPED != 0
     assert not (regular & clamped).any()
     error = result["um"][regular]
@@ -132,8 +132,8 @@ def test_fixed_is_double(name: str, full_pose: bool) -> None:
 @pytest.mark.quick("kr30-pose")
 @pytest.mark.parametrize("full_pose", [False, True], ids=["position", "pose"])
 @pytest.mark.parametrize("name", ["kr30", pytest.param("cobot", marks=pytest.mark.full)])
-def test_loads_at_the_command_are_followed(name: str, full_pose: bool) -> None:
-    """Taken at the target they would leave 9 µm of the KR30 and 7 of the cobot (decision 0068)."""
+def test_loads_evaluated_at_the_command_keep_the_bounds(name: str, full_pose: bool) -> None:
+    """Loads taken at the target would leave 9 µm on the KR30 and 7 µm on the cobot (decision 0068)."""
     result = measured(name, full_pose, 4000, at_command=True)
     error = result["um"][result["regular"]]
     print(f"{name}: mean {error.mean():.3f} µm, max {error.max():.3f} µm")
@@ -143,12 +143,12 @@ def test_loads_at_the_command_are_followed(name: str, full_pose: bool) -> None:
 
 @pytest.mark.parametrize("name", ["kr30", "cobot"])
 def test_corrections_are_bounded_through_singularities(name: str) -> None:
-    """The worst postures of all: never more than the table's limit, and small where the posture is regular."""
+    """Even at singularities no correction exceeds the table's limit."""
     arm = arms.full_arm(name)
     image = export(arm, ExportOptions(max_correction=0.05)).image
     engine = FixedEngine(image, arm.chain.prismatic, arm.chain.sensors, arm.chain.temperature_reference)
     joints = arms.random_joints(arm, 5000, np.random.default_rng(8))
-    # Stretch the arm out and put the wrist's axes on top of each other.
+    # In every second pose the wrist's axes 4 and 6 nearly coincide.
     joints[::2, 4] = np.random.default_rng(9).normal(0.0, 1e-3, len(joints[::2]))
     corrected = engine.solve(joints, arms.random_surroundings(arm, 5000, np.random.default_rng(10), 4.0))
     assert np.abs(corrected.joints - joints).max() <= 0.05 + 1e-9
@@ -159,14 +159,14 @@ def test_corrections_are_bounded_through_singularities(name: str) -> None:
     "name", ["irb2400", *(pytest.param(n, marks=pytest.mark.full) for n in ("kr30", "cobot"))]
 )
 def test_clamped_correction_leaves_the_tool_no_worse_than_uncorrected(name: str, full_pose: bool) -> None:
-    """Cut joint by joint, large corrections that cancel leave it several times as far off (decision 0075)."""
+    """Limited joint by joint, large corrections that cancel would leave it several times as far off (decision 0075)."""
     result = measured(name, full_pose, 3000, max_correction=3e-3)
     clamped = result["flags"] & engine_flags.MAGNITUDE_CLAMPED != 0
     assert clamped.mean() > 0.1
     left = result["left"][clamped]
     print(f"{name}: {clamped.sum()} poses, left of the error {left.mean():.3f}, at most {left.max():.3f}")
     assert result["left"][clamped & result["nearly_regular"]].max() <= 1.0
-    # Nearer to singularities what is wanted is over ten times the limit, and the way there is not straight.
+    # Nearer to singularities the required correction is over ten times the limit, and the path to it is not straight.
     assert left.max() <= 1.03
 
 
@@ -177,7 +177,7 @@ def test_clamped_correction_leaves_the_tool_no_worse_than_uncorrected(name: str,
     "name", ["scara", "cobot", *(pytest.param(n, marks=pytest.mark.full) for n in ("kr30", "lbr"))]
 )
 def test_large_errors_near_singularities_are_not_made_larger(name: str, full_pose: bool) -> None:
-    """Steps of tenths of a radian bend; as if straight they left the tool 20 times as far off (decision 0076)."""
+    """Steps of tenths of a radian are curved; taken as straight, the tool was 20 times as far off (decision 0076)."""
     result = measured(name, full_pose, 8000, geometry=8.0, max_correction=0.5)
     left = result["left"]
     print(
@@ -185,12 +185,12 @@ def test_large_errors_near_singularities_are_not_made_larger(name: str, full_pos
         f"more than half in {(left > 0.5).sum()}, worse in {(left > 1.0).sum()}"
     )
     assert result["uncorrected_um"].mean() > 4000.0
-    # To second order it would be 1. (Four joints hold no six coordinates: a scara buys attitude with position.)
+    # To second order it would be 1. (Four joints cannot hold six coordinates: a scara trades position for attitude.)
     assert left.max() <= (1.2 if name == "scara" and full_pose else 1.1)
 
 
-def test_smooth_through_the_wrist_singularity() -> None:
-    """A straight run through q5 = 0 with the full pose held: no jump from one thousandth of a radian to the next."""
+def test_correction_is_smooth_through_the_wrist_singularity() -> None:
+    """A straight run through q5 = 0 with the full pose held: no jump from one step of 0.0001 rad to the next."""
     arm = arms.full_arm("kr30", grid_nodes=6)
     image = export(arm, ExportOptions(full_pose=True)).image
     engine = FixedEngine(image, arm.chain.prismatic, arm.chain.sensors, arm.chain.temperature_reference)

@@ -1,4 +1,4 @@
-"""Machine-checked error bounds: gappa over the proofs of firmware/core, and that they say what the code computes."""
+"""Machine-checked error bounds: gappa verifies the proofs of firmware/core; their constants are those of the code."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def test_bound_is_proved_and_tight(path: Path) -> None:
     text = path.read_text()
     said = gappa(text)
     assert said.returncode == 0, said.stderr
-    # Gappa believes every hint; it warns of one that it cannot see to be an identity.
+    # Gappa trusts every hint; it warns of one that it cannot recognise as an identity.
     assert "Warning" not in said.stdout + said.stderr
-    # A bound that gappa would also grant at 0.8 of its size was stated too wide to notice a lost bit.
+    # A bound that gappa also proves at 0.8 of its size is stated too wide to notice a lost bit.
     assert 0.8 * stated_bound(text) < best_bound(text) <= stated_bound(text)
 
 
 @pytest.mark.parametrize("path", PROOFS, ids=lambda path: path.stem)
-def test_code_that_drops_bits_fails(path: Path) -> None:
+def test_rounding_that_drops_six_bits_breaks_the_bound(path: Path) -> None:
     """The same arithmetic with its last rounding six bits earlier does not keep its bound."""
     text = path.read_text()
     head, goal = text.split("\n{ ", 1)
@@ -84,7 +84,7 @@ def test_power_of_two_proof_has_the_code_s_coefficients() -> None:
     assert quoted("power_of_two")[::-1] == code
 
 
-def test_largest_wave_is_what_the_reader_lets_in() -> None:
+def test_largest_slow_wave_of_the_proof_is_the_readers_limit() -> None:
     found = re.search(r"kMaxWave = std::int64_t\{1\} << (\d+)", (CORE / "table/checks_terms.cc").read_text())
     assert found
     assert 2.0 ** (int(found[1]) - 32) == 0.125

@@ -1,8 +1,8 @@
-"""The longest control cycle of any table that is let in: the reader's count against instructions measured in QEMU.
+"""The longest control cycle of any accepted table: the reader's count against instructions measured in QEMU.
 
-`cycle_cost` (firmware/core/table/table_cost.h) sums over a table's records. Here every kind of record fills a table
-up to what the reader takes, with inputs at the ends of their ranges, and the emulated STM32F405 counts: no cycle may
-take more than was counted, and the count may not be so far above that it refuses what would fit.
+`cycle_cost` (firmware/core/table/table_cost.h) sums over a table's records. Here each kind of record fills a table as
+far as the reader accepts, with inputs at the ends of their ranges, on the emulated STM32F405: no cycle may take more
+instructions than counted by the reader, and the count may not be so high that it refuses tables that would fit.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ def test_no_accepted_table_takes_longer_than_counted(joints: int, full_pose: boo
         assert count <= 1.4 * longest + 500, name
 
 
-def test_the_issue_s_tables_are_refused_with_a_reason_of_their_own() -> None:
-    """300 grids of four axes: 40 cycles' worth of instructions in 12 KB."""
+def test_table_of_300_grids_is_refused_as_too_much_work() -> None:
+    """From an issue: 300 grids of four axes, 40 cycles' worth of instructions in 12 KB."""
     table = adversarial.plain(6)
     adversarial.KINDS["steep grid of 4 axes"](table, 300)
     image = table.image()

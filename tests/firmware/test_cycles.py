@@ -119,6 +119,6 @@ def test_other_arms_agree_and_stay_within_the_budget(name: str, full_pose: bool,
 
 
 def check_budget(name: str, worst: int, full_pose: bool = False) -> None:
-    """Hold `worst` to the absolute budget and to what is on record."""
+    """Check `worst` against the absolute budget and the recorded value."""
     assert worst <= (POSE_BUDGET if full_pose else budget.INSTRUCTIONS_A_CYCLE)
     budget.check(f"{name} with every effect, tables and grid{', full pose' if full_pose else ''}", worst)

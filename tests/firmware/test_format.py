@@ -193,7 +193,7 @@ def test_every_state_variable_is_on_the_page_with_its_fraction() -> None:
 
 
 def test_every_reason_is_on_the_protocols_page() -> None:
-    """Their words are those that the client prints (tests/can/test_object_dictionary.py)."""
+    """Only the numbers: tests/can/test_object_dictionary.py compares the texts with those that the client prints."""
     codes = enum_body(TABLE, "Refusal")
     rows = (ROOT / "docs/protocol.md").read_text().split("why a table was refused")[1].split("## Status")[0]
     listed = {int(code) for code in re.findall(r"^  - (\d+): ", rows, re.M)}

@@ -1,4 +1,4 @@
-"""Table images from the commands that people use: written, looked into, signed, refused, run by both engines."""
+"""Table images by the command line: written, inspected, signed, refused, evaluated by both engines."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_sizes_of_complete_tables() -> None:
     assert len(with_grid) <= 16 * 1024
 
 
-def test_a_model_too_costly_for_a_cycle_is_refused_in_plain_words(fit: Path, tmp_path: Path) -> None:
+def test_model_too_costly_for_a_cycle_is_refused(fit: Path, tmp_path: Path) -> None:
     document = json.loads(fit.read_text())
     document["parameters"] += [
         arms.parameter(f"motor{1 + n % 6}", f"abs(sin({n}*q{1 + n % 6}))", 1e-6) for n in range(11, 140)
@@ -92,7 +92,7 @@ def test_a_model_too_costly_for_a_cycle_is_refused_in_plain_words(fit: Path, tmp
     assert not tables.exists()
 
 
-def test_info_says_what_a_cycle_costs(fit: Path, tmp_path: Path) -> None:
+def test_info_states_the_cost_of_a_cycle(fit: Path, tmp_path: Path) -> None:
     tables = tmp_path / "tables.bin"
     armtrue("export", fit, "--out", tables)
     said = armtrue("tables", "info", tables, "--json", tmp_path / "info.json").stdout
@@ -101,7 +101,7 @@ def test_info_says_what_a_cycle_costs(fit: Path, tmp_path: Path) -> None:
     assert f"a control cycle takes at most {figures['cycle_instructions']} instructions of 50000" in said
 
 
-def test_both_engines_from_the_command_line(fit: Path, tmp_path: Path) -> None:
+def test_fixed_and_double_engine_agree_on_the_command_line(fit: Path, tmp_path: Path) -> None:
     tables = tmp_path / "tables.bin"
     armtrue("export", fit, "--out", tables)
     table = poses(tmp_path / "poses.csv", temp_arm=31.5, payload=8.0, time=1200.0)
@@ -131,7 +131,7 @@ def test_intended_point_is_nominal_kinematics_in_the_fitted_base(fit: Path, tmp_
 
 
 @pytest.mark.full
-def test_corrected_joints_beyond_the_limits_are_written_and_said(fit: Path, tmp_path: Path) -> None:
+def test_joints_beyond_their_limits_are_written_and_warned_of(fit: Path, tmp_path: Path) -> None:
     tables = tmp_path / "tables.bin"
     armtrue("export", fit, "--out", tables)
     table = poses(tmp_path / "poses.csv")
@@ -155,7 +155,7 @@ def test_corrected_joints_beyond_the_limits_are_written_and_said(fit: Path, tmp_
         assert f"warning: {tmp_path / 'c.csv'}: {count} of " in run.stderr
         assert f"(joint 2 in {count}, 1 of them as commanded)" in run.stderr
         assert json.loads(figures.read_text())["rows_beyond_limits_by_joint"] == {"2": count}
-    # Without the fit beside the table nobody knows the limits.
+    # Without the fit beside the table, the limits are not known.
     tables.with_name("tables.bin.fit.json").unlink()
     assert armtrue("compensate", tables, tmp_path / "sent.csv", "--out", tmp_path / "c.csv").stderr == ""
 
@@ -170,7 +170,7 @@ def test_increments_quantise_the_correction(fit: Path, tmp_path: Path) -> None:
     assert np.abs(change).max() >= 1.0
 
 
-def test_info_prints_all_of_it(fit: Path, tmp_path: Path) -> None:
+def test_info_prints_the_whole_content(fit: Path, tmp_path: Path) -> None:
     tables = tmp_path / "tables.bin"
     armtrue("export", fit, "--out", tables, "--serial", "KR30-0815", "--sequence", "7")
     text = armtrue("tables", "info", tables, "--terms").stdout
@@ -193,8 +193,8 @@ def test_info_prints_all_of_it(fit: Path, tmp_path: Path) -> None:
     assert sum(figures["section_bytes"].values()) < figures["bytes"]
 
 
-def test_quantisation_error_of_tables_is_what_info_says() -> None:
-    """Half a unit of the last place, at the tool: the largest error met comes close to it and not above."""
+def test_quantisation_error_of_tables_is_within_infos_bound() -> None:
+    """The bound is half a unit of the last place, at the tool."""
     arm = arms.full_arm("kr30")
     image = Image(export(arm, ExportOptions()).image)
     from armtrue.tables.info import describe
@@ -226,8 +226,8 @@ def test_signed_tables_are_bound_to_the_key(fit: Path, tmp_path: Path) -> None:
     )
 
 
-def test_openssl_agrees_with_the_signature(fit: Path, tmp_path: Path) -> None:
-    """A verifier that nobody here wrote: the signature is Ed25519 of RFC 8032 over everything before it."""
+def test_openssl_verifies_the_signature(fit: Path, tmp_path: Path) -> None:
+    """An independent verifier: the signature is Ed25519 of RFC 8032 over everything before it."""
     key, tables = tmp_path / "k", tmp_path / "tables.bin"
     armtrue("keygen", "--out", key)
     armtrue("export", fit, "--out", tables, "--sign", key)
@@ -277,7 +277,7 @@ def test_each_refusal_has_its_own_reason() -> None:
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Files that are right, and files that are wrong in one thing each."""
+    """Correct files, and files with one fault each."""
     folder = tmp_path_factory.mktemp("inputs")
     contents = {
         "FIT": arms.full_document("kr30").encode(),
@@ -320,7 +320,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else None,
 )
-def test_bad_input_is_one_sentence_and_writes_nothing(
+def test_bad_input_gives_one_sentence_and_writes_nothing(
     arguments: list[str], words: str, inputs: dict[str, Path], tmp_path: Path
 ) -> None:
     named = {**inputs, "NONE": tmp_path / "none", "OUT": tmp_path / "out"}

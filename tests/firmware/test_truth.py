@@ -1,7 +1,7 @@
-"""From measurements with noise to the tool of the real arm: fit, export, compensate, and ask the simulator.
+"""From measurements with noise to the tool of the real arm: fit, export, compensate, and compare with the simulator.
 
-The simulator shares no code with the fitter, the exporter or the firmware. What a compensated arm misses its intended
-point by can be no less than what its fit is wrong by; it must not be more than 1.02 times that.
+The simulator shares no code with the fitter, the exporter or the firmware. A compensated arm cannot miss its intended
+point by less than the error of its fit; it must not miss it by more than 1.02 times that.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from armtrue_sim.campaign import csv_text
 from armtrue_sim.session import joints_of
 
 FRESH_POSES = 400
-# The device takes loads where the nominal arm stands at the target, the fit where the arm it found stands
-# (docs/decisions/0068-loads-where-the-arm-stands.md): softest on the seven-axis arm, 0.9 µm.
+# The device computes loads for the nominal arm at the target, the fit for the fitted arm
+# (docs/decisions/0068-loads-where-the-arm-stands.md). On the softest arm, the seven-axis one, that is 0.9 µm.
 LOADS_OF_THE_NOMINAL_ARM_M = 1e-6
 AWAY_FROM_SINGULAR = 0.10
 CASES: dict[str, list[Any]] = {
@@ -41,7 +41,7 @@ CASES: dict[str, list[Any]] = {
     "stanford": ["joint_offset", "link_geometry", "gear_harmonics"],
     "rail": ["joint_offset", "link_geometry", "joint_compliance", "gear_harmonics", "axis_straightness"],
     "scara": ["joint_offset", "link_geometry", "gear_harmonics"],
-    # Its waves come from bars of wrong lengths (HIDDEN), whose exact form the model has not: 3 µm of it stay.
+    # Its waves come from bars of wrong lengths (HIDDEN); the model lacks their exact form, and 3 µm remain.
     "palletiser": [
         "joint_offset",
         "link_geometry",
@@ -64,14 +64,14 @@ def table(path: Path) -> dict[str, np.ndarray]:
 
 
 def reach_m(arm: str) -> float:
-    """How far the arm reaches; of one on a rail without that."""
+    """The reach of the arm, for the one on a rail without the rail."""
     if arm == "rail":
         return reach_m("kr30")
     return float(arms.full_arm(arm).chain.reach_m)
 
 
 def smallest_singular_value(arm: Arm, joints: np.ndarray, columns: dict[str, np.ndarray]) -> np.ndarray:
-    """Of the position's Jacobian of the simulated arm, by differences [m/rad]."""
+    """Of the simulated arm's position Jacobian, by finite differences [m/rad]."""
     step = 1e-6
     here = arm.true_position(joints, columns, measurement_effects=False)
     moved = [
@@ -99,7 +99,7 @@ def test_the_tool_reaches_the_intended_point(arm: str, statics: str, tmp_path: P
             "arm": arm,
             "seed": 11,
             "statics": statics,
-            # With readings to 2 µm a fit can tell where loads act; with 8 µm it cannot, and takes the arm to give way.
+            # With 2 µm noise a fit can tell where loads act; with 8 µm it cannot, and assumes the deflected arm.
             "instrument": {"sigma": 8e-6 if statics == "deflected" else 2e-6},
             "repeatability": {"drive": 2.5e-6 if statics == "deflected" else 0.0},
             "believed": ["base_frame", "tool_offset", *CASES[arm]],
@@ -128,13 +128,13 @@ def test_the_tool_reaches_the_intended_point(arm: str, statics: str, tmp_path: P
     intended = np.column_stack([corrected[axis] for axis in ("tx", "ty", "tz")])
     asked = joints_of(fresh, n)
     reached = campaign.arm.true_position(joints, fresh, measurement_effects=False)
-    # Where the arm is stretched or folded some intended points are out of the real arm's reach, or in reach only by
-    # large corrections (test_accuracy.py has the measure); everywhere else counts.
+    # Not counted: postures stretched or folded, where some intended points are out of the real arm's reach or need
+    # large corrections (test_accuracy.py has the measure).
     regular = smallest_singular_value(campaign.arm, asked, fresh) > AWAY_FROM_SINGULAR * reach_m(arm)
     assert regular.mean() > 0.6
     missed = np.linalg.norm(reached - intended, axis=1)[regular]
 
-    # The fit's own error at the very commands that were sent.
+    # The fit's own error at the commands that were sent.
     sent = fresh | {name: values for name, values in corrected.items() if name in fresh}
     (tmp_path / "sent.csv").write_text(csv_text(sent))
     armtrue("predict", tmp_path / "fit.json", tmp_path / "sent.csv", "--out", tmp_path / "p.csv")

@@ -1,4 +1,4 @@
-"""How much error stays at each corrected row: what `armtrue compensate` prints of it, and what --json has."""
+"""The remaining error of each corrected row, as `armtrue compensate` prints it and as --json has it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def run(folder: Path, *options: str) -> tuple[str, dict[str, Any]]:
 
 @pytest.mark.quick("fixed")
 @pytest.mark.parametrize("engine", ["fixed", "double"])
-def test_what_every_row_keeps_is_in_the_figures(tables: Path, engine: str) -> None:
+def test_json_has_the_remaining_error_of_every_row(tables: Path, engine: str) -> None:
     left = run(tables, "--engine", engine)[1]["left"]
     rows = left["rows_um"]
     assert len(rows) == len(left["uncorrected_rows_um"]) == 3
@@ -48,13 +48,13 @@ def test_what_every_row_keeps_is_in_the_figures(tables: Path, engine: str) -> No
     assert max(rows[0], rows[2]) < 20.0 < 1000.0 < rows[1]
 
 
-def test_columns_of_the_result_stay_as_they_were(tables: Path) -> None:
+def test_result_has_only_joint_and_intended_point_columns(tables: Path) -> None:
     run(tables)
     assert (tables / "c.csv").read_text().splitlines()[0] == "q1,q2,q3,tx,ty,tz"
     assert np.loadtxt(tables / "c.csv", delimiter=",", skiprows=1).shape == (3, 6)
 
 
-def test_fixed_engine_tells_people_of_the_row_that_keeps_most(tables: Path) -> None:
+def test_output_names_the_row_with_the_largest_remaining_error(tables: Path) -> None:
     said, figures = run(tables)
     assert "1 of 3 rows keep more than 20 µm and 5 % of their error, by the fit: at most " in said
     assert f"{figures['left']['max_um']:.1f} µm of " in said
@@ -62,7 +62,7 @@ def test_fixed_engine_tells_people_of_the_row_that_keeps_most(tables: Path) -> N
     assert any(note in said for note in figures["notes"] if "keep more than" in note)
 
 
-def test_without_the_fit_there_are_no_figures_but_a_word(tables: Path) -> None:
+def test_remaining_error_without_the_fit_is_reported_unknown(tables: Path) -> None:
     (tables / "t.bin.fit.json").rename(tables / "elsewhere.json")
     said, figures = run(tables)
     assert figures["left"] is None

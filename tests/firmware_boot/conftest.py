@@ -1,4 +1,4 @@
-"""The recordings and arms of tests/firmware, and the simulator that they are made of."""
+"""Import paths of the recordings and arms of tests/firmware, and of the simulator that they are made with."""
 
 from __future__ import annotations
 

@@ -27,21 +27,21 @@ def test_instruction_count_is_exact_and_repeats(boot_check: pathlib.Path) -> Non
     assert counts == {2001}
 
 
-def test_clock_goes_on_while_no_interrupt_is_served() -> None:
-    """As while a flash sector is erased, which takes up to two seconds: the core fetches nothing then."""
+def test_clock_runs_while_no_interrupt_is_served() -> None:
+    """As during the erase of a flash sector, which takes up to two seconds: the core fetches nothing then."""
     elf = qemu.build_images("stm32f405", "clock_check") / "clock_check.elf"
     without_interrupts, with_interrupts = map(int, qemu.run_image(elf).printed.split())
     assert without_interrupts == pytest.approx(40_000, abs=50)
     assert with_interrupts == pytest.approx(40_000, abs=50)
 
 
-def test_profile_names_the_function_that_costs(boot_check: pathlib.Path) -> None:
+def test_profile_lists_the_costliest_function_first(boot_check: pathlib.Path) -> None:
     profile = qemu.instructions_by_function(boot_check)
     assert next(iter(profile)) == "main"
     assert 2001 <= profile["main"] < 2200
 
 
-def test_an_image_that_does_not_end_is_an_error(boot_check: pathlib.Path) -> None:
+def test_image_that_does_not_end_is_an_error(boot_check: pathlib.Path) -> None:
     with pytest.raises(qemu.QemuError, match="did not end"):
         qemu.run_image(boot_check, timeout_s=0.0)
 

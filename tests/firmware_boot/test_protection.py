@@ -1,4 +1,4 @@
-"""What the STM32F405 image may not do ends in a reset whose cause is known after it; the watchdog runs first of all."""
+"""A forbidden access in the STM32F405 image ends in a reset that keeps its cause; the watchdog is started first."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DATA_ACCESS, INSTRUCTION_ACCESS, STACKING = 1 << 1, 1 << 0, 1 << 4  # of the mem
 
 
 def after(what: str) -> tuple[int, ...]:
-    """Cause, protection, starts, and the fault's instruction, status and address, as the second life sees them."""
+    """Cause, protection, starts, and the fault's instruction, status and address, as read after the reset."""
     elf = qemu.build_images("stm32f405", "fault_check") / "fault_check.elf"
     run = qemu.run_image(elf, what.encode())
     assert run.status == 0, f"status {run.status}; 3: nothing forbade it. {run.printed}"
@@ -35,7 +35,7 @@ def after(what: str) -> tuple[int, ...]:
         pytest.param("i", DATA_ACCESS, 0x08000400, id="write to the image"),
     ],
 )
-def test_forbidden_access_resets_and_says_where(what: str, status: int, address: int | None) -> None:
+def test_forbidden_access_resets_and_records_its_place(what: str, status: int, address: int | None) -> None:
     cause, is_protected, starts, instruction, found, at = after(what)
     assert (cause, is_protected, starts) == (MEMORY_FAULT, 1, 2)
     assert found & status
@@ -47,7 +47,7 @@ def test_forbidden_access_resets_and_says_where(what: str, status: int, address:
         assert at == address
 
 
-def test_overflowing_stack_resets_and_is_known() -> None:
+def test_stack_overflow_resets_and_is_recorded() -> None:
     cause, is_protected, starts, _, status, _ = after("s")
     assert (cause, is_protected, starts) == (MEMORY_FAULT, 1, 2)
     assert status & (DATA_ACCESS | STACKING)
@@ -59,11 +59,11 @@ def test_undefined_instruction_resets_as_a_fault() -> None:
     assert 0x08000000 < instruction < 0x08100000
 
 
-def test_cause_that_the_program_notes_is_kept() -> None:
+def test_reset_cause_noted_by_the_program_is_kept() -> None:
     assert after("m")[0] == NMT
 
 
-def test_watchdog_is_the_first_that_the_image_touches() -> None:
+def test_image_starts_the_watchdog_first() -> None:
     elf = qemu.build_images("stm32f405", "armtrue_stm32f405") / "armtrue_stm32f405.elf"
     pattern = r"^(\w+): unimplemented device (\w+).*offset (0x\w+)(?:, value (0x\w+))?"
     with tempfile.TemporaryDirectory() as folder:
@@ -80,7 +80,7 @@ def test_watchdog_is_the_first_that_the_image_touches() -> None:
                 assert time.monotonic() < give_up, "the emulator logs what it does not model"
                 assert emulator.poll() is None, "the image runs for ever"
                 time.sleep(0.05)
-                # Whole lines: the last one may be on its way.
+                # Only complete lines: the last one may still be incomplete.
                 log_text = log.read_text(encoding="ascii").rpartition("\n")[0] if log.exists() else ""
                 touched = re.findall(pattern, log_text, re.MULTILINE)
         finally:

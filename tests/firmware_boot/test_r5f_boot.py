@@ -5,7 +5,7 @@ from __future__ import annotations
 from tests import qemu
 
 
-def test_image_starts_and_says_how_it_is_served() -> None:
+def test_image_starts_and_reports_polling_or_interrupts() -> None:
     elf = qemu.build_images("r5f", "armtrue_r5f") / "armtrue_r5f.elf"
     with qemu.real_time_board(elf) as board:
         printed = board.wait_for_text("\n")
@@ -13,7 +13,7 @@ def test_image_starts_and_says_how_it_is_served() -> None:
     assert printed in ("armtrue: ready, polling\r\n", "armtrue: ready, by interrupt\r\n")
 
 
-def test_interrupts_enter_and_leave_the_core_without_a_trace() -> None:
+def test_interrupts_change_no_register_of_a_computation() -> None:
     elf = qemu.build_images("r5f", "interrupt_check") / "interrupt_check.elf"
     silent = ("-cpu", "cortex-r5f", "-audiodev", "none,id=silent")
     run = qemu.run_image(elf, machine="realview-pb-a8", extra=silent)

@@ -1,4 +1,4 @@
-"""Control cycles on the emulated cores: the same outputs everywhere, and what they cost with the node's CAN path.
+"""Control cycles on the emulated cores: the same outputs on all, and their cost with the node's CAN path.
 
 The node runs between queues in memory: no CAN driver, no interrupts; no payload, no temperatures, no full pose.
 """
@@ -14,7 +14,7 @@ from armtrue.tables.export import ExportOptions, export
 from tests import qemu
 
 CYCLES = 300
-# Of 168 000 that a millisecond has at 168 MHz. The core's own budget is tested in tests/firmware.
+# Of 168 000 clocks in a millisecond at 168 MHz. The core's own budget is tested in tests/firmware.
 BUDGET_WITH_CAN = 45_000
 _NODE_RESULT = np.dtype([("instructions", "<u4"), ("read", "<u4"), ("corrected", "<i4", 6)])
 
@@ -29,7 +29,7 @@ def motion() -> recording.Recording:
     increments_per_rad = 2**20 / (2.0 * np.pi) * 100.0
     cycles["target"][:, :6] = np.round(path * increments_per_rad)
     cycles["request"][0] = recording.ACTIVATE_A
-    cycles["time_ms"] = np.arange(CYCLES) + 1  # as node_budget turns the clock
+    cycles["time_ms"] = np.arange(CYCLES) + 1  # as node_budget advances the clock
     return recording.Recording(6, image, cycles=cycles)
 
 
@@ -52,7 +52,7 @@ def test_cortex_m7_gives_the_same_outputs(motion: recording.Recording, on_m4: np
         assert np.array_equal(on_m7[field], on_m4[field]), field
 
 
-def test_node_tells_the_drives_what_the_core_computes(motion: recording.Recording, on_m4: np.ndarray) -> None:
+def test_node_sends_the_cores_outputs_within_budget(motion: recording.Recording, on_m4: np.ndarray) -> None:
     elf = qemu.build_images("stm32f405", "node_budget") / "node_budget.elf"
     run = qemu.run_image(elf, motion.to_bytes(), timeout_s=300.0)
     assert run.status == 0

@@ -1,4 +1,4 @@
-"""A table's way into the emulated chip over a serial line, by the command that people use."""
+"""Upload of a table to the emulated chip over a serial line, by `armtrue upload`."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def restart(url: str) -> None:
 
 
 @pytest.mark.full  # with a foreign client, tests/can/test_on_stm32f405.py does the same in a tenth of the time
-def test_a_table_lasts_only_when_confirmed(url: str, tables: pathlib.Path, tmp_path: pathlib.Path) -> None:
+def test_table_is_kept_only_if_confirmed(url: str, tables: pathlib.Path, tmp_path: pathlib.Path) -> None:
     on_trial = armtrue(url, "upload", tables)
     assert on_trial.returncode == 0, on_trial.stderr
     restart(url)

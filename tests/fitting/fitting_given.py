@@ -1,4 +1,4 @@
-"""What `armtrue fit` is given in these tests, and what it should find."""
+"""Input of `armtrue fit` in these tests, and the truth that it should find."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GEOMETRY = ["base_frame", "tool_offset", "joint_offset", "link_geometry"]
 
 @dataclasses.dataclass
 class Given:
-    """What `armtrue fit` is given, and what it should find."""
+    """Input of `armtrue fit`, and the truth that it should find."""
 
     robot: Robot
     data: Dataset

@@ -1,4 +1,4 @@
-"""What a prediction is said to be sure of, against exact poses of the same simulated arm."""
+"""Stated uncertainty of predictions and readings, compared with the same simulated arm's exact values."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CHI2_3_95 = 7.815
 
 
 def squares(fit: armtrue.Fit, exact: Dataset) -> NDArray[np.float64]:
-    """Squared distance of each prediction from the exact pose, in its stated covariance."""
+    """Squared Mahalanobis distance of each prediction from the exact pose, by its stated covariance."""
     off = fit.predict(exact) - exact.positions_m
     return np.einsum(
         "ni,ni->n", off, np.linalg.solve(position_covariance(fit, exact), off[:, :, None])[:, :, 0]
@@ -25,9 +25,9 @@ def squares(fit: armtrue.Fit, exact: Dataset) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("joint", [1, 4])
-def test_a_joint_that_never_moved_makes_poses_that_move_it_unsure(joint: int, tmp_path: Path) -> None:
-    # The fit holds at nominal what these poses cannot show. Such parameters were left out of the covariance, so that
-    # predictions millimetres off were said to be sure to micrometres.
+def test_covariance_covers_poses_that_move_a_joint_held_still(joint: int, tmp_path: Path) -> None:
+    # The fit holds parameters at nominal that these poses do not determine. They were once left out of the covariance:
+    # predictions that were wrong by millimetres had stated uncertainties of micrometres.
     scenario = {"arm": "kr30", "seed": 5, "poses": 100, "columns": {"add": []}}
     simulate(scenario, tmp_path / "free")
     robot = armtrue.load_robot(tmp_path / "free" / "robot.yaml")
@@ -45,8 +45,8 @@ def test_a_joint_that_never_moved_makes_poses_that_move_it_unsure(joint: int, tm
     assert np.mean(squares(fit, seen) < CHI2_3_95) > 0.8, "as sure as before where it stood"
 
 
-def test_orientations_that_scatter_widely_make_positions_no_surer(tmp_path: Path) -> None:
-    # They were given a small weight, and then counted in full among the residuals that tell the noise.
+def test_noisy_orientations_do_not_shrink_position_covariance(tmp_path: Path) -> None:
+    # Orientations had a small weight but counted in full among the residuals that estimate the noise.
     found = []
     for seed in range(1, 5):
         folder = tmp_path / str(seed)
@@ -65,8 +65,8 @@ def test_orientations_that_scatter_widely_make_positions_no_surer(tmp_path: Path
 
 
 @pytest.mark.parametrize("orientation", [2e-5, 2e-3])
-def test_positions_and_orientations_scatter_each_as_it_was_read(orientation: float, tmp_path: Path) -> None:
-    # Positions seemed to be read to 4 um beside wide orientations: what has a small weight was counted in full.
+def test_noise_of_positions_and_orientations_is_told_apart(orientation: float, tmp_path: Path) -> None:
+    # Beside noisy orientations the position noise came out as 4 um: residuals of small weight were counted in full.
     read = []
     for seed in range(1, 4):
         folder = tmp_path / str(seed)
@@ -86,8 +86,8 @@ def test_positions_and_orientations_scatter_each_as_it_was_read(orientation: flo
     assert orientations == pytest.approx(orientation * 1e6, rel=0.1)
 
 
-def test_a_few_poses_invent_no_joint_that_repeats_badly(tmp_path: Path) -> None:
-    # One joint's scatter explained all that fifteen poses had left, and readings seemed to scatter by nothing.
+def test_few_poses_report_no_joint_with_poor_repeatability(tmp_path: Path) -> None:
+    # The scatter of one joint explained all residuals of fifteen poses, and the reading noise came out as zero.
     scenario = {
         "arm": "kr30",
         "seed": 6,
@@ -103,8 +103,8 @@ def test_a_few_poses_invent_no_joint_that_repeats_badly(tmp_path: Path) -> None:
     assert max(armtrue.diagnose(fit)["noise"]["joints_urad"]) < 10.0
 
 
-def test_what_a_model_fixes_leaves_predictions_as_sure_as_they_are(tmp_path: Path) -> None:
-    # A fixed parameter shifted all others' places in the covariance: metres, negative variances, nan.
+def test_fixed_parameter_keeps_the_prediction_covariance(tmp_path: Path) -> None:
+    # A fixed parameter shifted the covariance entries of all others: metres, negative variances, nan.
     scenario = {"arm": "kr30", "seed": 4, "poses": 150}
     simulate(scenario, tmp_path)
     robot = armtrue.load_robot(tmp_path / "robot.yaml")

@@ -1,4 +1,4 @@
-"""A user's own effect from the file to the table: of a column of its own, and of time."""
+"""Custom effects of a user-defined column and of time, from model.yaml to the exported tables."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FIT = ("fit", "data.csv", "--robot", "robot.yaml", "--model")
 
 
 def with_air(source: Path, out: Path, header: str = "air") -> None:
-    """The poses in `source` with a column air, commanded so that joint 5 stands where it stood without it."""
+    """Write the poses in `source` with a column air; q5 is shifted so that the effect leaves joint 5 where it was."""
     with source.open() as stream:
         rows = list(csv.DictReader(stream))
     air = 5.0 + 0.5 * np.random.default_rng(len(rows)).normal(size=len(rows))
@@ -50,7 +50,7 @@ def parameter(fit: Path, name: str) -> float:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A campaign whose joint 5 follows a column of its own, and airy.json, fitted to it."""
+    """A campaign whose joint 5 depends on a user-defined column, and airy.json, fitted to it."""
     made = tmp_path_factory.mktemp("own")
     plain = made / "plain"
     armtrue_sim.simulate({"arm": "kr30", "seed": 5, "poses": 120, "hidden": []}).write(plain)
@@ -66,11 +66,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-def test_fit_reads_a_custom_effect_of_an_own_column(folder):
+def test_fit_finds_a_custom_effect_of_a_user_column(folder):
     assert parameter(folder / "airy.json", "custom.airy") == pytest.approx(SLOPE, rel=0.05)
 
 
-def test_add_and_remove_take_a_custom_effect_of_an_own_column(folder):
+def test_add_and_remove_accept_an_effect_of_a_user_column(folder):
     run = armtrue("add", "plain.json", "custom", *AS_OPTIONS, "--out", "added.json", cwd=folder)
     assert run.returncode == 0, run.stderr
     assert parameter(folder / "added.json", "custom.airy") == pytest.approx(SLOPE, rel=0.05)
@@ -80,7 +80,7 @@ def test_add_and_remove_take_a_custom_effect_of_an_own_column(folder):
     assert kept == json.loads((folder / "plain.json").read_text())["model"]
 
 
-def test_dataset_yaml_names_the_own_column(folder):
+def test_dataset_yaml_maps_a_user_column(folder):
     columns = (folder / "data.csv").read_text().splitlines()[0].split(",")
     with_air(folder / "plain" / "data.csv", folder / "foreign.csv", header="Luft [bar]")
     described = {
@@ -95,7 +95,7 @@ def test_dataset_yaml_names_the_own_column(folder):
     assert parameter(folder / "foreign.json", "custom.airy") == pytest.approx(SLOPE, rel=0.05)
 
 
-def test_predict_and_compare_read_the_own_column(folder):
+def test_predict_compare_and_report_read_the_user_column(folder):
     run = armtrue("compare", "airy.json", "test.csv", "--json", "c.json", cwd=folder)
     assert run.returncode == 0, run.stdout + run.stderr
     assert json.loads((folder / "c.json").read_text())["verdict"] == "as_expected"
@@ -107,7 +107,7 @@ def test_predict_and_compare_read_the_own_column(folder):
 
 
 @pytest.mark.parametrize("measurement", [False, True])
-def test_poses_without_the_own_column_are_refused(folder, measurement):
+def test_poses_without_the_user_column_are_refused(folder, measurement):
     model = model_with(folder, "told.yaml", {**AIRY, "measurement": measurement})
     run = armtrue(*FIT, model, "--out", "told.json", cwd=folder)
     assert run.returncode == 0, run.stderr
@@ -128,7 +128,7 @@ def test_poses_without_the_own_column_are_refused(folder, measurement):
         (("add", "plain.json", "custom", *AS_OPTIONS[:-1], "expression=iar - 5"), "plain.json: expression"),
     ],
 )
-def test_an_own_column_that_is_mistyped_is_named_with_the_right_one(folder, command, place):
+def test_mistyped_user_column_suggests_the_right_name(folder, command, place):
     model_with(folder, "wrong.yaml", {**AIRY, "expression": "iar - 5"})
     run = armtrue(*command, "--out", "wrong.json", cwd=folder)
     assert run.returncode == 2
@@ -138,14 +138,14 @@ def test_an_own_column_that_is_mistyped_is_named_with_the_right_one(folder, comm
     assert not (folder / "wrong.json").exists()
 
 
-def test_parameter_named_like_an_own_column_is_refused(folder):
+def test_parameter_named_like_a_user_column_is_refused(folder):
     clash = {**AIRY, "expression": "air*q1", "parameters": {"air": 1.0}}
     run = armtrue(*FIT, model_with(folder, "clash.yaml", clash), "--out", "clash.json", cwd=folder)
     assert run.returncode == 2
     assert "parameters.air: found the name of a" in run.stderr
 
 
-def test_export_leaves_out_what_reads_an_own_column_and_says_its_size(folder):
+def test_export_omits_user_column_effect_and_states_its_size(folder):
     run = armtrue("export", "airy.json", "--out", "airy.bin", "--json", "e.json", cwd=folder)
     assert run.returncode == 0, run.stderr
     run_plain = armtrue("export", "plain.json", "--out", "plain.bin", cwd=folder)
@@ -153,7 +153,7 @@ def test_export_leaves_out_what_reads_an_own_column_and_says_its_size(folder):
     (left,) = json.loads((folder / "e.json").read_text())["stays_behind"].items()
     assert left[0] == "custom.airy"
     assert "column air is nothing that a device knows" in left[1]["why"]
-    # Half a unit of air, and the reach from joint 5 to the tool point.
+    # Half a unit of air times the distance from joint 5 to the tool point.
     assert 10.0 < left[1]["effect_um"] < 150.0
     assert f"{left[1]['effect_um']:.1f} µm" in " ".join(run.stdout.split())
     run = armtrue("compensate", "airy.bin", "bare.csv", "--out", "c.csv", cwd=folder)
@@ -162,8 +162,8 @@ def test_export_leaves_out_what_reads_an_own_column_and_says_its_size(folder):
 
 
 @pytest.mark.full
-def test_a_column_that_stays_out_of_tables_is_taken_at_its_average(folder):
-    """Otherwise the zero that the fit gives a joint beside the term would be exported without it."""
+def test_export_takes_the_average_of_an_omitted_column(folder):
+    """Otherwise the joint zero that was fitted beside the term would be exported without the term."""
     corrected, sizes = [], []
     for name, expression in (("centred", "air - 5"), ("plain-air", "air")):
         model = model_with(folder, f"{name}.yaml", {**AIRY, "expression": expression})
@@ -184,7 +184,7 @@ def test_a_column_that_stays_out_of_tables_is_taken_at_its_average(folder):
 
 
 @pytest.mark.full
-def test_sizes_of_several_custom_effects_are_each_its_own(folder):
+def test_export_states_the_size_of_each_custom_effect(folder):
     small = {**AIRY, "name": "small", "coordinate": "link1.tx", "expression": "1e-3*sin(3*q1)*air"}
     run = armtrue(*FIT, model_with(folder, "two.yaml", AIRY, small), "--out", "two.json", cwd=folder)
     assert run.returncode == 0, run.stderr
@@ -196,7 +196,7 @@ def test_sizes_of_several_custom_effects_are_each_its_own(folder):
 
 
 @pytest.mark.full
-def test_workbench_opens_and_adds_a_custom_effect_of_an_own_column(folder, tmp_path, monkeypatch):
+def test_workbench_opens_and_adds_an_effect_of_a_user_column(folder, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     opened = open_files([folder / "data.csv"], folder / "robot.yaml", folder / "airy.yaml")
     assert AIRY in opened.model.effects
@@ -212,7 +212,7 @@ RATE = 6e-5  # m an hour
 
 @pytest.fixture(scope="module")
 def creeping(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A session over which the tracker sinks."""
+    """A session during which the tracker sinks."""
     made = tmp_path_factory.mktemp("creep")
     armtrue_sim.simulate({"arm": "kr30", "seed": 6, "poses": 120, "hidden": []}).write(made)
     with (made / "data.csv").open() as stream:
@@ -227,7 +227,7 @@ def creeping(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def exported(folder: Path, **more: bool) -> dict[str, object]:
-    """Fit the creep as a custom effect, export it, and return what export says."""
+    """Fit the creep as a custom effect, export it, and return export's JSON."""
     run = armtrue(
         *FIT, model_with(folder, "creep.yaml", {**CREEP, **more}), "--out", "creep.json", cwd=folder
     )
@@ -239,7 +239,7 @@ def exported(folder: Path, **more: bool) -> dict[str, object]:
 
 
 def corrections_change_with_time(folder: Path) -> bool:
-    """True where the table asks for other joints a day later."""
+    """True if the corrected joints differ a day later."""
     with (folder / "test.csv").open() as stream:
         rows = list(csv.DictReader(stream))[:20]
     corrected = []
@@ -257,7 +257,7 @@ def corrections_change_with_time(folder: Path) -> bool:
 
 
 @pytest.mark.full
-def test_export_leaves_out_a_custom_effect_of_time_and_says_its_size(creeping):
+def test_export_omits_custom_time_effect_and_states_its_size(creeping):
     said = exported(creeping)
     (left,) = said["stays_behind"].items()
     assert left[0] == "custom.creep"
@@ -268,13 +268,13 @@ def test_export_leaves_out_a_custom_effect_of_time_and_says_its_size(creeping):
 
 
 @pytest.mark.full
-def test_export_takes_a_custom_effect_of_time_that_is_said_to_be_the_arms(creeping):
+def test_export_includes_time_effect_with_measurement_false(creeping):
     assert exported(creeping, measurement=False)["stays_behind"] == {}
     assert corrections_change_with_time(creeping)
 
 
 @pytest.mark.full
-def test_export_leaves_a_custom_effect_of_the_measurement_to_it(creeping):
+def test_export_notes_a_time_effect_with_measurement_true(creeping):
     said = exported(creeping, measurement=True)
     assert said["stays_behind"] == {}
     assert any("belongs to the measurement" in note and "custom.creep" in note for note in said["notes"])

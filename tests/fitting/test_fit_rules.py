@@ -1,4 +1,4 @@
-"""What a fit holds on to: stated poses are absolute, predictions depend on the row alone, expressions move."""
+"""Rules of a fit: stated poses are absolute, a prediction depends on its row alone, parameters in expressions move."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from armtrue.errors import InputError
 from fitting_given import GEOMETRY
 
 
-def test_tool_position_that_is_stated_is_where_the_tool_is(campaign):
+def test_stated_tool_offset_is_the_absolute_tool_position(campaign):
     given = campaign()
     free = given.fit(GEOMETRY)
     x = free.document["flange_from_tool"][""]["xyz"][0]
@@ -25,7 +25,7 @@ def test_tool_position_that_is_stated_is_where_the_tool_is(campaign):
     )
 
 
-def test_base_that_is_stated_is_where_the_base_stands(campaign):
+def test_stated_base_frame_is_the_absolute_base_pose(campaign):
     given = campaign()
     base = given.fit(GEOMETRY).document["measuring_from_base"]
     moved = [base["xyz"][0], base["xyz"][1], base["xyz"][2] + 1e-3]
@@ -38,7 +38,7 @@ def test_base_that_is_stated_is_where_the_base_stands(campaign):
 
 
 @pytest.mark.parametrize("weak", [("tx",), ("ty",), ("tz",), ("tx", "ty")])
-def test_part_of_a_turned_base_is_refused(campaign, weak):
+def test_partly_stated_position_of_a_turned_base_is_refused(campaign, weak):
     held = {"fixed": 0.1}
     known = {"prior": 0.1, "sigma": 1e-3}
     stated = {f"base_frame.{c}": known if c in weak else held for c in ("tx", "ty", "tz")}
@@ -48,7 +48,7 @@ def test_part_of_a_turned_base_is_refused(campaign, weak):
         campaign().fit(GEOMETRY, parameters={f"base_frame.{c}": held for c in weak})
 
 
-def test_parameters_in_every_argument_of_hat_move(campaign):
+def test_every_argument_of_hat_can_be_fitted(campaign):
     given = campaign()
     free = given.fit(GEOMETRY)
     places = np.quantile(given.data.columns["q2"], [0.1, 0.4, 0.8])
@@ -80,7 +80,7 @@ def test_parameters_in_every_argument_of_hat_move(campaign):
 
 
 def test_prediction_of_a_row_does_not_depend_on_the_other_rows(campaign):
-    """Torques as measured are a row's own, however a fit smooths them."""
+    """A prediction takes the torques of its row as measured, although a fit smooths them."""
     given = campaign(hidden=["joint_compliance"])
     rng = np.random.default_rng(5)
     torque = {
@@ -107,7 +107,7 @@ def custom_springs() -> list[dict[str, object]]:
     ]
 
 
-def test_prediction_reads_the_thermometer_that_was_fitted(campaign):
+def test_prediction_reads_the_thermometer_of_the_fit(campaign):
     given = campaign(hidden=["thermal_expansion"])
     fit = given.fit([*GEOMETRY, "thermal_expansion"])
     whole = fit.predict(given.data)
@@ -116,7 +116,7 @@ def test_prediction_reads_the_thermometer_that_was_fitted(campaign):
     assert "temp_arm" in fit.document["columns"]
 
 
-def test_prediction_without_a_needed_column_is_refused_by_its_name(campaign):
+def test_prediction_without_a_needed_column_names_it(campaign):
     given = campaign(hidden=["thermal_expansion"])
     fit = given.fit([*GEOMETRY, "thermal_expansion"])
     given.data.columns.pop("temp_arm")
@@ -124,7 +124,7 @@ def test_prediction_without_a_needed_column_is_refused_by_its_name(campaign):
         fit.predict(given.data)
 
 
-def test_time_on_any_clock_gives_the_same_fit_and_predictions(campaign):
+def test_clock_offset_changes_neither_fit_nor_predictions(campaign):
     given = campaign(hidden=[{"effect": "warm_up"}])
     model = [*GEOMETRY, "warm_up"]
     fit = given.fit(model)
@@ -137,8 +137,8 @@ def test_time_on_any_clock_gives_the_same_fit_and_predictions(campaign):
     assert again.predict(tail) == pytest.approx(fit.predict(given.rows(slice(60, 120))), abs=1e-7)
 
 
-def test_a_finer_table_bridges_the_same_gap(campaign):
-    # Later poses of a real arm lay between the angles of the fit, where its finer tables had fallen back to zero.
+def test_finer_table_predicts_a_gap_as_well_as_a_coarse_one(campaign):
+    # Later poses of a real arm lay between the fitted angles, where its finer tables had fallen back to zero.
     slow = {"effect": "gear_harmonics", "joints": [2], "scale": 4.0}
     given = campaign(arm="cobot", poses=900, hidden=[slow], test_poses=0)
     q2 = given.data.columns["q2"]

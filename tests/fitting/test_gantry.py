@@ -1,4 +1,4 @@
-"""Arms whose first joints slide along three axes: rows of Denavit and Hartenberg with an angle, and their noise."""
+"""Gantries (three prismatic joints): Denavit-Hartenberg rows with an angle theta, and their noise."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def measured(folder: Path, convention: str, poses: int, sigma_m: float, seed: in
 
 
 @pytest.mark.parametrize("convention", ["mdh", "dh"])
-def test_all_parts_read_the_angle_of_a_row_that_slides(tmp_path, convention):
+def test_all_parts_read_theta_of_a_prismatic_joint(tmp_path, convention):
     robot = armtrue.load_robot(robot_file(tmp_path, convention))
     joints = np.array([[0.3, 1.1, 0.4], [1.7, 0.2, 0.6]])
     expected = np.array([flange(q, convention) for q in joints])
@@ -85,8 +85,8 @@ def test_all_parts_read_the_angle_of_a_row_that_slides(tmp_path, convention):
     assert fit.document["error"]["train"]["max_um"] < 0.1
 
 
-def test_scatter_in_all_directions_is_that_of_the_readings(tmp_path):
-    """Three slides that repeat equally badly would give the same data: readings are the simpler cause."""
+def test_isotropic_scatter_is_attributed_to_the_readings(tmp_path):
+    """Three prismatic joints of equally poor repeatability would give the same data: readings are the simpler cause."""
     robot = armtrue.load_robot(robot_file(tmp_path, "mdh"))
     for seed in range(4):
         data = armtrue.load_data(measured(tmp_path, "mdh", 120, 15e-6, seed), robot)
@@ -95,14 +95,14 @@ def test_scatter_in_all_directions_is_that_of_the_readings(tmp_path):
         assert noise["reading_um"] == pytest.approx(15.0, rel=0.1)
 
 
-def test_an_angle_in_degrees_is_refused(tmp_path):
+def test_theta_in_degrees_is_refused(tmp_path):
     path = robot_file(tmp_path, "mdh")
     path.write_text(path.read_text().replace("theta: -1.5", "theta: -90.5"))
     with pytest.raises(armtrue.InputError, match=r"joints\[2\].theta: found -90.5.*degrees"):
         armtrue.load_robot(path)
 
 
-def test_init_reads_a_table_whose_joints_slide(tmp_path):
+def test_init_reads_a_dh_table_of_prismatic_joints(tmp_path):
     lines = ["joint;type;a [mm];alpha [deg];d [mm];theta [deg]"]
     for k, (alpha, a, d, theta) in enumerate(ROWS, start=1):
         cells = (1000.0 * a, math.degrees(alpha), 1000.0 * d, math.degrees(theta))

@@ -1,4 +1,4 @@
-"""Friction's wind-up where nobody recorded how far a joint came: the order of the rows tells."""
+"""Hysteresis without recorded travel: how far each joint came follows from the order of the rows."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def refined(folder: Path) -> tuple[armtrue.Fit, dict[str, Any]]:
     return armtrue.refine(fit)
 
 
-def test_it_is_named_and_poses_of_a_file_without_an_order_are_taken_to_come_from_far(files: Path) -> None:
+def test_hysteresis_is_found_and_unordered_poses_assume_long_travel(files: Path) -> None:
     fit, story = refined(files)
     added = [e for e in fit.effects if isinstance(e, dict) and e["effect"] == "hysteresis"]
     assert [e["joints"] for e in added] == [[2]]
@@ -52,7 +52,7 @@ def test_it_is_named_and_poses_of_a_file_without_an_order_are_taken_to_come_from
 
 
 @pytest.mark.full
-def test_its_bearing_on_a_prediction_is_that_of_the_row_alone(files: Path) -> None:
+def test_prediction_with_hysteresis_depends_on_its_row_alone(files: Path) -> None:
     fit, _ = refined(files)
     arm = armtrue.load_robot(files / "robot.yaml")
     data = armtrue.load_data(files / "data.csv", arm)

@@ -1,4 +1,4 @@
-"""The instrument's own errors: fitted, so that they spoil nothing, and part of what it is predicted to read."""
+"""Errors of the instrument: fitted beside those of the arm, and included in predicted readings."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from fitting_given import GEOMETRY
 
 
 @pytest.mark.parametrize("effect", ["tracker_angles", "tracker_scale"])
-def test_a_prediction_is_what_the_instrument_will_read(campaign, effect: str) -> None:
+def test_prediction_includes_the_errors_of_the_instrument(campaign, effect: str) -> None:
     given = campaign(poses=240)
-    # A scale of distance shows only where the arm's own lengths are known.
+    # A distance scale is identifiable only if the arm's own lengths are known.
     known = GEOMETRY if effect == "tracker_angles" else ["base_frame", "tool_offset", "joint_offset"]
     given = given.with_columns(**dict(zip("xyz", given.fit(known).predict(given.data).T, strict=True)))
     exact = given.data.positions_m
     x, y, z = exact.T
     wrong = 6e-5 * exact
-    if effect == "tracker_angles":  # the circle of elevation sits off its axis
+    if effect == "tracker_angles":  # the elevation circle is eccentric
         across, distance = np.hypot(x, y), np.linalg.norm(exact, axis=1)
         turn = 6e-5 * across / distance
         wrong = turn[:, None] * np.stack([-z * x / across, -z * y / across, across], axis=1)
@@ -34,7 +34,7 @@ def test_a_prediction_is_what_the_instrument_will_read(campaign, effect: str) ->
     assert position_covariance(fit, unseen).shape == (len(exact), 3, 3)
 
 
-def test_oval_circle_of_azimuth_is_found_by_its_second_order(campaign) -> None:
+def test_oval_azimuth_circle_is_found_by_order_2(campaign) -> None:
     given = campaign(poses=240)
     x, y, _z = given.data.positions_m.T
     turn = 3e-5 * np.sin(2.0 * np.arctan2(y, x))
@@ -47,14 +47,14 @@ def test_oval_circle_of_azimuth_is_found_by_its_second_order(campaign) -> None:
     assert all(abs(other["value"]) < 4.0 * other["sigma"] for other in found.values())
 
 
-def test_circle_of_a_third_order_is_refused(campaign) -> None:
+def test_tracker_angles_of_order_3_are_refused(campaign) -> None:
     with pytest.raises(InputError, match="tracker_angles: found order 3, expected 1 or 2"):
         campaign(poses=30).fit([*GEOMETRY, {"effect": "tracker_angles", "orders": [3]}])
 
 
 @pytest.mark.full
-def test_distances_that_are_all_off_by_one_length_are_no_error_of_the_circles(campaign) -> None:
-    # The zero of a distance meter was taken for circles off their axes, with more than 99 %.
+def test_constant_distance_error_is_named_tracker_scale(campaign) -> None:
+    # The zero error of a distance meter was named as eccentric circles, with more than 99 %.
     given = campaign(poses=200)
     exact = given.data.positions_m
     along = 8e-5 * exact / np.linalg.norm(exact, axis=1)[:, None]

@@ -1,4 +1,4 @@
-"""Effects that change the loads on springs, against arms whose masses or level are truly others."""
+"""Effects that change the loads on springs, on arms whose true masses or level differ from robot.yaml."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def fresh_error(fit: armtrue.Fit, truth: armtrue.Fit, given: Given, rng: np.rand
 
 
 def arm_with(given: Given, **robot: object) -> armtrue.Fit:
-    """An arm with soft axes whose robot.yaml is not what its owner believes."""
+    """The true arm: compliant axes 2 and 3, and the entries `robot` in place of those in robot.yaml."""
     document = copy.deepcopy(given.fit(MODEL).document)
     for parameter in document["parameters"]:
         if parameter["effect"] == "joint_compliance":
@@ -50,7 +50,7 @@ def given(campaign) -> Given:
     return campaign(hidden=["joint_compliance"], poses=250)
 
 
-def test_masses_that_are_not_as_stated_are_made_up_for(given):
+def test_mass_parameters_correct_wrongly_stated_masses(given):
     rng = np.random.default_rng(11)
     links = copy.deepcopy(given.robot.spec["links"])
     for link in links:
@@ -63,7 +63,7 @@ def test_masses_that_are_not_as_stated_are_made_up_for(given):
     assert fresh_error(fit, truth, given, np.random.default_rng(1)) < 3e-6 < 0.5 * without
 
 
-def test_base_that_is_not_level_is_found_with_its_tilt(given):
+def test_gravity_direction_finds_the_tilt_of_the_base(given):
     rng = np.random.default_rng(12)
     tilt = np.array([3e-3, -2e-3, 0.0])
     level = np.array(given.robot.spec.get("gravity", [0.0, 0.0, -9.81]))
@@ -80,7 +80,7 @@ def test_base_that_is_not_level_is_found_with_its_tilt(given):
 
 @pytest.mark.full
 @pytest.mark.parametrize("engine", ["fixed", "double"])
-def test_a_table_undoes_what_masses_and_level_do_through_springs_that_harden(given, tmp_path, engine):
+def test_table_corrects_masses_and_tilt_with_hardening_springs(given, tmp_path, engine):
     rng = np.random.default_rng(15)
     level = np.array(given.robot.spec.get("gravity", [0.0, 0.0, -9.81]))
     tilted = [float(g) for g in level + np.cross(level, [3e-3, -2e-3, 0.0])]
@@ -107,7 +107,7 @@ def test_a_table_undoes_what_masses_and_level_do_through_springs_that_harden(giv
     corrected = dataclasses.replace(poses, columns={**poses.columns, **command})
     off = np.linalg.norm(fit.predict(corrected) - intended, axis=1)
     before = np.linalg.norm(fit.predict(poses) - intended, axis=1)
-    # A device's loads are those of the nominal arm (docs/decisions/0068), which costs soft axes like these some 3 µm.
+    # A device computes loads of the nominal arm (docs/decisions/0068): about 3 µm on axes as compliant as these.
     assert np.median(off) < 3.5e-6 < 0.01 * np.median(before)
 
 
@@ -122,7 +122,7 @@ def table(path: Path) -> dict[str, np.ndarray]:
     return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
 
 
-def test_loads_of_an_arm_as_stated_add_nothing(given):
+def test_load_effects_do_no_harm_on_an_arm_as_stated(given):
     rng = np.random.default_rng(13)
     truth = arm_with(given)
     fit = measured(given, truth, rng).fit([*MODEL, "mass_parameters", "gravity_direction"])
@@ -135,11 +135,11 @@ def test_loads_of_an_arm_as_stated_add_nothing(given):
         ({"effect": "cross_compliance", "joints": [2, 3]}, "cross_compliance[2,3]", 1e-6),
         ({"effect": "coupling_harmonics", "joints": [5, 4]}, "coupling_harmonics[5,4].sin1", 2e-4),
         ({"effect": "axis_wobble", "joints": [1]}, "axis_wobble[1].rx_sin2", 5e-5),
-        # Once a turn: the other sense of turning is the geometry's, and left coefficients that are no wobble.
+        # Order 1: the other sense of turning belongs to the geometry, and left coefficients that are no wobble.
         ({"effect": "axis_wobble", "joints": [1]}, "axis_wobble[1].rxy_cos1", 5e-5),
     ],
 )
-def test_coefficient_comes_back(given, effect, name, value):
+def test_fit_recovers_the_true_coefficient(given, effect, name, value):
     rng = np.random.default_rng(14)
     document = copy.deepcopy(given.fit([*MODEL, effect]).document)
     for parameter in document["parameters"]:
@@ -152,8 +152,8 @@ def test_coefficient_comes_back(given, effect, name, value):
     assert found["sigma"] < 0.3 * value
 
 
-def test_a_moment_is_not_left_to_masses_that_would_have_to_be_far_larger(campaign):
-    """Such a mass stood in for a link's moment, and its prior forbade it: 30 µm were left for 18."""
+def test_moment_of_a_link_is_not_replaced_by_a_far_larger_mass(campaign):
+    """A mass took the place of a link's moment, but its prior excluded the size needed: 30 µm remained, not 18."""
     hidden = ["base_compliance", "thermal_expansion", {"effect": "stiffness_nonlinear", "joints": [2]}]
     springs = {"effect": "joint_compliance", "joints": [2, 4, 6]}
     given = campaign(
@@ -173,9 +173,9 @@ def test_a_moment_is_not_left_to_masses_that_would_have_to_be_far_larger(campaig
     assert fit.document["error"]["train"]["rms_um"] < 20.0
 
 
-def test_lengths_that_only_the_loads_of_a_moved_arm_tell_apart_leave_masses_to_masses(tmp_path: Path) -> None:
-    # Along a slide, its zero and the link after it are one length. They differ in whose mass they move: 8 mm of one and
-    # −8 mm of the other took the place of a moment of the link, and the slide's spring came out at 0.6 of the true one.
+def test_zero_of_a_slide_and_next_link_do_not_replace_a_mass(tmp_path: Path) -> None:
+    # The zero of a slide and the link after it add up to one length; they differ only in the mass that they move. 8 mm
+    # of one and −8 mm of the other replaced a moment of the link: the slide's spring came out at 0.6 of the true one.
     armtrue_sim.simulate(
         {
             "arm": "stanford",
@@ -203,8 +203,8 @@ def test_lengths_that_only_the_loads_of_a_moved_arm_tell_apart_leave_masses_to_m
     assert np.linalg.norm(fit.predict(test) - test.positions_m, axis=1).mean() < 5e-6
 
 
-def test_masses_of_another_arm_are_said_to_explain_what_they_do(tmp_path: Path) -> None:
-    # No coefficient alone is told by the data; together they take most of the error away.
+def test_diagnosis_names_mass_parameters_for_doubled_masses(tmp_path: Path) -> None:
+    # The data determine no single coefficient; together they remove most of the error.
     armtrue_sim.simulate({"arm": "kr30", "seed": 71, "poses": 200, "test_poses": 0}, tmp_path)
     robot = armtrue.load_robot(tmp_path / "robot.yaml")
     links = [link | {"mass": 2.0 * link["mass"]} for link in robot.spec["links"]]

@@ -1,4 +1,4 @@
-"""A serial arm whose controller couples what it reports: all physics stays where the drives are."""
+"""A serial arm whose controller reports coupled joint angles: effects act at the angles of the drives."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def table(path: Path) -> tuple[list[str], np.ndarray]:
 
 
 def reported(path: Path, out: Path, sign: float = 1.0) -> None:
-    """The same poses as such a controller has them: q3 = drive 3 + q2."""
+    """Write the poses as such a controller reports them: q3 = drive 3 + q2."""
     head, rows = table(path)
     rows[:, head.index("q3")] += sign * rows[:, head.index("q2")]
     out.write_text("\n".join([",".join(head), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n")
@@ -40,7 +40,7 @@ def reported(path: Path, out: Path, sign: float = 1.0) -> None:
 
 @pytest.fixture
 def folders(campaign, tmp_path: Path) -> tuple[Path, Path]:
-    """The arm as its drives see it, and as its controller reports it: the same measurements."""
+    """The same measurements with the angles of the drives, and with those that the controller reports."""
     campaign(hidden=["joint_compliance"], poses=150)
     plain, coupled = tmp_path / "plain", tmp_path / "coupled"
     for folder in (plain, coupled):
@@ -58,7 +58,7 @@ def folders(campaign, tmp_path: Path) -> tuple[Path, Path]:
     return plain, coupled
 
 
-def test_fit_and_prediction_are_those_of_the_drives_angles(folders: tuple[Path, Path]) -> None:
+def test_coupled_angles_give_the_same_fit_as_drive_angles(folders: tuple[Path, Path]) -> None:
     found = []
     for folder in folders:
         run("predict", folder / "fit.json", folder / "data.csv", "--out", folder / "p.csv")
@@ -77,9 +77,7 @@ def test_fit_and_prediction_are_those_of_the_drives_angles(folders: tuple[Path, 
 
 @pytest.mark.full
 @pytest.mark.parametrize("engine", ["fixed", "double"])
-def test_corrected_commands_are_those_that_the_controller_takes(
-    folders: tuple[Path, Path], engine: str
-) -> None:
+def test_corrected_commands_are_controller_angles(folders: tuple[Path, Path], engine: str) -> None:
     plain, coupled = folders
     for folder in folders:
         run("export", folder / "fit.json", "--out", folder / "t.bin")

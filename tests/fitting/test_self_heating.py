@@ -1,4 +1,4 @@
-"""How warm a gear is by its own work no single pose knows: a prediction is of the arm at its mean warmth."""
+"""A single pose does not tell how much a gear heated itself: predictions assume the mean over the measurements."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from armtrue import fit, load_data, load_model, load_robot, refine
 from armtrue_sim import simulate
 
 
-def test_a_prediction_is_of_an_arm_as_warm_as_it_was_on_average(tmp_path: Path) -> None:
-    # A cold arm was predicted: a fit's own rows were off by all that the gear had warmed.
+def test_prediction_assumes_the_mean_self_heating(tmp_path: Path) -> None:
+    # A cold arm was predicted: even the fitted rows were wrong by the whole effect of the gear's heat.
     simulate(
         {
             "arm": "kr30",
@@ -36,7 +36,7 @@ def test_a_prediction_is_of_an_arm_as_warm_as_it_was_on_average(tmp_path: Path) 
     left_out = data.positions_m - fitted.residuals() - predicted
     turned = dataclasses.replace(data, columns={**data.columns, "q2": data.columns["q2"] + 1e-4})
     lever = (fitted.predict(turned) - predicted) / 1e-4
-    # Of the angle by which warmth turns axis 2, weighed by how far a turn moves the reflector.
+    # Of the angle by which heat turns axis 2, weighted by how far a turn moves the reflector.
     mean = (left_out * lever).sum() / (lever**2).sum()
     spread = np.sqrt((left_out**2).sum() / (lever**2).sum())
     assert spread > 1e-6
@@ -45,8 +45,8 @@ def test_a_prediction_is_of_an_arm_as_warm_as_it_was_on_average(tmp_path: Path) 
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_gear_that_follows_a_thermometer_late_is_named(tmp_path: Path, seed: int) -> None:
-    # Without a column of duty the cause could not be tested, and an arm that warms up was named with more than 99 %.
+def test_gear_that_lags_a_thermometer_is_named_self_heating(tmp_path: Path, seed: int) -> None:
+    # Without a duty column the cause could not be tested, and warm-up of the arm was named with more than 99 %.
     simulate(
         {
             "arm": "kr30",

@@ -14,7 +14,7 @@ from armtrue_sim import simulate
 from fitting_given import GEOMETRY
 
 
-def test_set_ups_that_stand_apart_are_brought_together(campaign) -> None:
+def test_station_aligns_set_ups_metres_apart(campaign) -> None:
     given = campaign(poses=120)
     alone = given.fit(GEOMETRY)
     station = np.where(np.arange(given.data.count) % 3 == 2, 2.0, 1.0)
@@ -36,8 +36,8 @@ def test_set_ups_that_stand_apart_are_brought_together(campaign) -> None:
     assert not [f for f in check(two.data, two.robot).findings if f.severity == "error"]
 
 
-def test_points_in_a_plane_are_aligned(tmp_path: Path) -> None:
-    # Only joints 2 and 3 moved; the direction across the plane was taken for a unit of length.
+def test_coplanar_points_are_aligned(tmp_path: Path) -> None:
+    # Only joints 2 and 3 moved; the direction across the plane was mistaken for a unit of length.
     still = [[v, v + 1e-7] for v in (0.2, 0.0, 0.0, 0.3, 0.5, -0.4)]
     simulate(
         {
@@ -56,9 +56,9 @@ def test_points_in_a_plane_are_aligned(tmp_path: Path) -> None:
 
 
 @pytest.mark.full
-def test_the_noise_of_measured_points_is_no_scale(tmp_path: Path) -> None:
-    # The noise of a measured point is in its residual too. A column made of measured points correlates with that: the
-    # more rows, the surer a scale was found on an instrument without any.
+def test_noise_of_many_points_gives_no_tracker_scale(tmp_path: Path) -> None:
+    # The noise of a measured point is in its residual too. A column computed from measured points correlates with
+    # it: the more rows, the more certainly a scale was found on an instrument that has none.
     believed = ["base_frame", "tool_offset", "joint_offset", "link_geometry"]
     simulate({"arm": "kr30", "seed": 1, "poses": 2000, "believed": believed}).write(tmp_path)
     robot = armtrue.load_robot(tmp_path / "robot.yaml")

@@ -1,4 +1,4 @@
-"""Gravity of robot.yaml against the springs of a fit."""
+"""Warnings where the springs of a fit contradict the gravity of robot.yaml."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def warnings(tmp_path: Path) -> Callable[..., list[str]]:
 @pytest.mark.quick("False-lbr-7", "True-kr30-31")
 @pytest.mark.parametrize(("arm", "seed"), [("irb2400", 53), ("kr30", 31), ("cobot", 192), ("lbr", 7)])
 @pytest.mark.parametrize("masses", [True, False])
-def test_gravity_of_the_wrong_sign_is_in_the_warnings_of_a_fit(warnings, arm, seed, masses):
+def test_fit_warns_of_gravity_with_the_wrong_sign(warnings, arm, seed, masses):
     assert warnings(arm, seed, [0.0, 0.0, -9.81], masses) == []
     (said,) = warnings(arm, seed, [0.0, 0.0, 9.81], masses)
     assert "joint_compliance[2]" in said
@@ -43,13 +43,13 @@ def test_gravity_of_the_wrong_sign_is_in_the_warnings_of_a_fit(warnings, arm, se
 
 @pytest.mark.parametrize("gravity", [[9.81, 0.0, 0.0], [0.0, -9.81, 0.0]])
 @pytest.mark.parametrize(("arm", "seed"), [("irb2400", 53), ("kr30", 191), ("cobot", 192)])
-def test_gravity_along_a_wrong_axis_is_in_the_warnings_of_a_fit(warnings, arm, seed, gravity):
+def test_fit_warns_of_gravity_along_a_wrong_axis(warnings, arm, seed, gravity):
     (said,) = warnings(arm, seed, gravity)
     assert "the arm gives way nowhere" in said
     assert "° from the measuring frame's −z" in said
 
 
-def test_right_gravity_is_not_doubted_where_the_model_lacks_effects(warnings):
+def test_missing_effects_cause_no_gravity_warning(warnings):
     hidden = [{"effect": "gear_harmonics", "joints": [2, 3]}, {"effect": "backlash", "joints": [2, 3]}]
     for seed in (1, 2, 3):
         assert warnings("kr30", seed, [0.0, 0.0, -9.81], hidden=hidden) == []
@@ -62,7 +62,7 @@ def springs(*values: float | None, sign: int = 1, unit: str = "rad/Nm") -> list[
     ]
 
 
-def test_what_is_no_sure_spring_says_nothing_of_gravity(tmp_path, warnings):
+def test_uncertain_springs_cause_no_gravity_warning(tmp_path, warnings):
     warnings("kr30", 1, [0.0, 0.0, -9.81])
     robot = load_robot(tmp_path / "robot.yaml")
     level = {"measuring_from_base": {"xyz": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}}

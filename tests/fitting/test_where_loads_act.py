@@ -1,4 +1,4 @@
-"""Loads bend an arm and act where it then stands, or as at the commanded angles: the data say which."""
+"""Loads act on the deflected arm or at the commanded angles (`statics`): the data decide which."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from armtrue_sim.cases import hidden_cases
 @pytest.mark.parametrize("arm", ["kr30", "cobot"])
 @pytest.mark.parametrize("statics", ["deflected", "nominal"])
 @pytest.mark.parametrize("masses", ["weighed", "unknown"])
-def test_the_fit_and_its_predictions_take_loads_where_they_act(tmp_path, arm, statics, masses):
+def test_fit_finds_whether_loads_act_on_the_deflected_arm(tmp_path, arm, statics, masses):
     campaign = armtrue_sim.simulate({"arm": arm, "seed": 5, "hidden": [], "poses": 240, "statics": statics})
     if masses == "unknown":
         campaign.robot.pop("links")
@@ -22,7 +22,7 @@ def test_the_fit_and_its_predictions_take_loads_where_they_act(tmp_path, arm, st
     data, test = (armtrue.load_data(tmp_path / name, robot) for name in ("data.csv", "test.csv"))
     fit = armtrue.fit(data, robot, armtrue.load_model(tmp_path / "model.yaml", robot))
     assert fit.document["statics"] == statics
-    # Loads in the other place are 2 to 5 µm more on these arms.
+    # The other `statics` adds 2 to 5 µm on these arms.
     predicted = fit.predict(test)
     assert 1e6 * np.linalg.norm(predicted - test.positions_m, axis=1).mean() < 4.0
     fit.save(tmp_path / "fit.json")
@@ -32,9 +32,9 @@ def test_the_fit_and_its_predictions_take_loads_where_they_act(tmp_path, arm, st
 
 @pytest.mark.quick("cobot-29503")
 @pytest.mark.parametrize(("arm", "seed"), [("cobot", 29503), ("cobot", 29511)])
-def test_a_first_diagnosis_takes_nothing_for_loads_elsewhere(tmp_path, arm, seed):
-    # Beside what is still missing the fit chose wrongly where loads act, and masses or a spring that hardens were said
-    # with more than 80 % to make up for it.
+def test_first_diagnosis_names_only_the_hidden_effects(tmp_path, arm, seed):
+    # While effects were missing, the fit chose the wrong `statics`, and the diagnosis named masses or a hardening
+    # spring with more than 80 % to make up for it.
     case = hidden_cases("one_hidden", arm, seed)
     case.campaign.write(tmp_path)
     robot = armtrue.load_robot(tmp_path / "robot.yaml")
@@ -48,9 +48,9 @@ def test_a_first_diagnosis_takes_nothing_for_loads_elsewhere(tmp_path, arm, seed
     ("arm", "seed"),
     [("cobot", 32921), pytest.param("lbr", 32922, marks=pytest.mark.full)],
 )
-def test_arms_whose_masses_nobody_knows_have_no_effects_that_are_not_there(tmp_path, arm, seed):
-    # Their loads were taken at commanded angles: couplings, scales and a balancer made up for the few micrometres, with
-    # up to 100 %, and the compensated arm missed by 18 µm.
+def test_refine_adds_nothing_to_an_arm_of_unknown_masses(tmp_path, arm, seed):
+    # Loads were taken at commanded angles: couplings, scales and a balancer were named for the few micrometres, with up
+    # to 100 %, and the compensated arm missed by 18 µm.
     case = hidden_cases("nothing_hidden", arm, seed)
     case.campaign.robot.pop("links")
     case.campaign.write(tmp_path)

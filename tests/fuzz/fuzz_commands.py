@@ -3,7 +3,7 @@
     .venv/bin/python tests/fuzz/fuzz_commands.py --seconds 120 --seed 1
 
 A trial begins with a call that works and damages one to three of its words or files. As root the runs have a mount
-namespace with a /dev of their own: a command that replaces what it is told to write to would replace the machine's.
+namespace with their own /dev: a command that replaces its output file would otherwise replace the machine's device.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ BYTES = [
 
 @dataclass
 class Trial:
-    """One call and what it is found to have done; `faults` is empty where it did as documented."""
+    """One call; `faults` is empty if it behaved as documented."""
 
     words: list[str]
     damaged: str
@@ -153,7 +153,7 @@ def prepare(folder: Path) -> None:
 
 
 def fingerprints(folder: Path) -> dict[str, str]:
-    """What stands in every file but the sparse one."""
+    """Checksum of every file except the sparse one."""
     found = {}
     for path in folder.rglob("*"):
         if path.is_file() and path.name != "sparse":
@@ -210,7 +210,7 @@ def options_of(words: list[str], commands: click.Group) -> list[str]:
 
 
 def damage_file(chance: random.Random, path: Path) -> str:
-    """Cuts, inserts, replaces or flips bytes of a file; says what came of it."""
+    """Cuts, inserts, replaces, flips or repeats bytes of a file; returns the result's size and checksum as text."""
     content = bytearray(path.read_bytes())
     for _ in range(chance.choice([1, 1, 1, 5])):
         at = chance.randrange(len(content) + 1)
@@ -231,7 +231,7 @@ def damage_file(chance: random.Random, path: Path) -> str:
 
 
 def run(trial: Trial, folder: Path) -> None:
-    """Runs the call in a child, and notes what it did that no command may."""
+    """Runs the call in a child process and records its faults."""
     before = fingerprints(folder)
     said = folder.parent / "said"
     child = os.fork()
@@ -255,7 +255,7 @@ def run(trial: Trial, folder: Path) -> None:
 
 
 def written_in_place(words: list[str], folder: Path) -> set[str]:
-    """Files that the call names as an output and not as an input: those it may write over."""
+    """Files that the call names as an output and not as an input: it may overwrite those."""
     named_as_output: set[str] = set()
     others: list[str] = []
     pending = ""
@@ -313,7 +313,7 @@ def become(words: list[str], folder: Path, said: Path) -> None:
 
 
 def wait(child: int) -> int | None:
-    """Exit status; a negative signal; None where it had to be ended."""
+    """Exit status, or a negative signal number; None if the child had to be killed."""
     end = time.monotonic() + HANG_SECONDS
     while time.monotonic() < end:
         done, status = os.waitpid(child, os.WNOHANG)
@@ -326,7 +326,7 @@ def wait(child: int) -> int | None:
 
 
 def main() -> int:
-    """Runs trials until the time or their number is up; says each fault with the words that bring it."""
+    """Runs trials until the time or their number is up; prints each fault with the command line that causes it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=1e9)
     parser.add_argument("--trials", type=int, default=10**9)

@@ -91,7 +91,7 @@ def model_target(folder: Path) -> Target:
 
 
 def expression_target(folder: Path) -> Target:
-    """Through model.yaml, as a user's expression comes."""
+    """A user's expression, inside a model.yaml."""
     robot = robot_in(folder)
 
     def run(data: bytes) -> None:
@@ -148,7 +148,7 @@ def main() -> None:
             try:
                 run(data)
             except InputError as error:
-                # The sentence is one line whatever was quoted in it, and the input never passes for an empty reason.
+                # The message is one line, whatever it quotes from the input, and is never empty.
                 if not str(error) or "\n" in str(error):
                     raise AssertionError(f"not one sentence: {error!r}") from error
 

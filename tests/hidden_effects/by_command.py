@@ -1,4 +1,4 @@
-"""Runs `armtrue` as people do: a process of its own, with or without a terminal, under a time limit."""
+"""Runs `armtrue` in a process of its own, with or without a terminal, under a time limit."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ARMTRUE = str(Path(sys.executable).with_name("armtrue"))
 
 @dataclass
 class Ran:
-    """What became of a command. processor: seconds of processor it had, which tells a deadlock from a busy machine."""
+    """Result of a command. processor: its processor time [s], which tells a deadlock from a busy machine."""
 
     status: int | None
     seconds: float
@@ -29,7 +29,7 @@ class Ran:
 
     @property
     def hung(self) -> bool:
-        """True where it was ended at the time limit."""
+        """True if it was killed at the time limit."""
         return self.status is None
 
 
@@ -39,7 +39,7 @@ def run(arguments: Sequence[str], limit: float, terminal: bool = False) -> Ran:
 
 
 def run_program(command: Sequence[str], limit: float, terminal: bool) -> Ran:
-    """Any command, all that it says in one text."""
+    """Run any command; its stdout and stderr come as one text."""
     ours, theirs = pty.openpty() if terminal else os.pipe()
     started, before = time.perf_counter(), _processor_of_children()
     process = subprocess.Popen(
@@ -51,7 +51,7 @@ def run_program(command: Sequence[str], limit: float, terminal: bool) -> Ran:
         if select.select([ours], [], [], 0.2)[0]:
             try:
                 part = os.read(ours, 65536)
-            except OSError:  # a terminal whose other end is gone
+            except OSError:  # the terminal's other end is closed
                 part = b""
             said, alive = said + part, bool(part)
     try:

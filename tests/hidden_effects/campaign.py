@@ -1,9 +1,9 @@
 """Hidden-effect campaigns through the command line: `./dev hidden [GROUP]` runs one and prints its tables.
 
-Groups: `table` (docs/results.md keeps it), `real` (arms unlike their files), `foreign` (truths whose form no effect
-has), `later` (each of the contract's later effects, ten seeds), `noise` (one joint that repeats badly), `pairs` (causes
-that look alike, three seeds; docs/effects.md keeps it), `each` (of every kind one case, the arms in turn, which is
-what `./dev test full` runs under sanitizers). Ends with status 1 where a command hung or failed.
+Groups: `table` (kept in docs/results.md), `real` (arms that differ from robot.yaml), `foreign` (truths whose form no
+effect has), `later` (each of the contract's later effects, ten seeds), `noise` (one joint that repeats badly), `pairs`
+(causes that look alike, three seeds; kept in docs/effects.md), `each` (one case of every kind, the arms in turn;
+`./dev test full` runs it under sanitizers). Ends with status 1 if a command hung or failed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from armtrue_sim.kinds import ARMS, KINDS, PAIR_KINDS
 from armtrue_sim.presets import PRESETS
 from harness import Outcome, Settings, run_case, verdict_of
 
-# Without the palletiser: what is particular to it is in its bars, which no kind hides.
+# Without the palletiser: only its bars differ from the other arms, and no kind hides an effect of bars.
 VARIED_ARMS = tuple(arm for arm in PRESETS if arm != "palletiser")
 
 HEAD = (
@@ -43,9 +43,9 @@ GROUPS = {
 
 
 def row(kind: str, outcomes: list[Outcome]) -> str:
-    """One line of the table. found, missed: effects; false: cases with one that is not in the arm."""
+    """One line of the table. found, missed: numbers of effects; false: cases that add one which the arm lacks."""
     right = [o for o in outcomes if verdict_of(o) == "right"]
-    # A truth of no effect's form has no name to find: verdict_of judges what is said of it.
+    # A truth whose form no effect has cannot be found by name: verdict_of judges the answer.
     nameable = [o for o in outcomes if o.kind not in ("outside_catalogue", "foreign_truth")]
     wanted = sum(len(o.hidden) for o in nameable)
     found = sum(len(o.hidden & o.added) for o in nameable)
@@ -77,7 +77,7 @@ def row(kind: str, outcomes: list[Outcome]) -> str:
 
 
 def seeds_of(kind: str, given: argparse.Namespace) -> range:
-    """As many as were asked for; the later effects have ten in all, over their arms."""
+    """As many seeds as requested; a kind of later effect has about ten cases over all its arms."""
     count = given.seeds
     if kind == "nothing_hidden" and given.nothing_seeds:
         count = given.nothing_seeds
@@ -87,7 +87,7 @@ def seeds_of(kind: str, given: argparse.Namespace) -> range:
 
 
 def cases_of(kind: str, given: argparse.Namespace) -> list[tuple[str, int]]:
-    """Arms and seeds. Of the group `each` one, on another arm than that of the kind before."""
+    """Arms and seeds; in the group `each` one case, the arms taken in turn from kind to kind."""
     seeds = seeds_of(kind, given)
     arms = VARIED_ARMS if given.variants and KINDS[kind].arms == ARMS else KINDS[kind].arms
     if given.group == "each":
@@ -96,7 +96,7 @@ def cases_of(kind: str, given: argparse.Namespace) -> list[tuple[str, int]]:
 
 
 def run_kinds(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPoolExecutor) -> list[Outcome]:
-    """All cases; wrong ones go to stderr as they come."""
+    """Run all cases and print the table; wrong ones go to stderr when their kind is complete."""
     settings = Settings(
         given.limit,
         None,
@@ -125,7 +125,7 @@ def run_kinds(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPool
 
 
 def run_pairs(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPoolExecutor) -> list[Outcome]:
-    """All cases of pairs; what is said of those where the true cause is neither found nor asked for goes to stderr."""
+    """Run all cases of pairs; answers other than right, both and no column go to stderr."""
     settings = Settings(given.limit, None, False, given.statics, keep=given.keep)
     seeds = range(given.first_seed, given.first_seed + given.seeds)
     calls = [(kind, arm, seed, settings) for kind in kinds for arm in PAIR_KINDS[kind].arms for seed in seeds]
@@ -138,7 +138,7 @@ def run_pairs(kinds: Iterable[str], given: argparse.Namespace, pool: ProcessPool
 
 
 def _case_or_none(kind: str, arm: str, seed: int, settings: Settings) -> Outcome | None:
-    """None where nothing of the kind can be seen on this arm (masses, where all axes are vertical); says so."""
+    """Run a case; None, with a message, if its kind cannot be seen on this arm (masses, if all axes are vertical)."""
     try:
         return run_case(kind, arm, seed, settings)
     except ScenarioError as error:

@@ -1,4 +1,4 @@
-"""Fitted coefficients of hidden effects beside the true ones, in the fit's own standard deviations."""
+"""Fitted coefficients of hidden effects compared with the true ones, in the fit's standard deviations."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from armtrue_sim.campaign import Campaign
 from armtrue_sim.errors import ScenarioError
 from armtrue_sim.mechanics.expression import evaluate
 
-# Two expressions are the same basis where they differ by a factor alone, to this part of their size.
+# Relative tolerance to which two expressions of the same basis differ only by a factor.
 SAME = 1e-6
 
 
 def deviations(fit: Mapping[str, Any], campaign: Campaign) -> dict[str, float]:
-    """(fitted - true) / sigma by parameter name, for those of hidden effects whose terms are true ones.
+    """(fitted - true) / sigma by parameter name, for parameters of hidden effects whose terms match true ones.
 
-    Terms are paired by effect, coordinate and what their expressions come to on the measured poses. A parameter with
-    another basis (a variable that the simulator lacks, a nonlinear constant) is left out. Where one has several terms,
-    its true value is the nearest to theirs: of a wobble's two senses of turning, `link_geometry` takes the one that
-    stands still, and the other is what these terms have together.
+    Terms are paired by effect, coordinate and the values of their expressions at the measured poses. A parameter with
+    another basis (a variable that the simulator lacks, a nonlinear constant) is left out. The true value of a parameter
+    with several terms is the nearest to theirs: of a wobble's two senses of turning, `link_geometry` takes the one that
+    stands still, and these terms together have the other.
     """
     state = campaign.arm.standing_state(campaign.q, campaign.data | campaign.unrecorded)
     hidden = {entry["effect"] for entry in campaign.hidden}
@@ -41,7 +41,7 @@ def deviations(fit: Mapping[str, Any], campaign: Campaign) -> dict[str, float]:
 
 
 def _true_value(term: Mapping[str, Any], effect: str, state: Any, campaign: Campaign) -> float | None:
-    """The coefficient that alone would make of the fitted term the true one; None where there is none."""
+    """The coefficient with which the fitted term equals a true one; None if no true term matches."""
     try:
         basis = np.broadcast_to(term["weight"] * evaluate(term["expression"], state), len(state.q))
     except ScenarioError:

@@ -1,4 +1,4 @@
-"""Runs hidden-effect cases: a campaign whose model lacks something, refined, and judged against what was hidden."""
+"""Runs hidden-effect cases: refines a model that lacks effects, and judges the result against the hidden ones."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from by_command import Ran, knows, run
 from coefficients import deviations
 from numpy.typing import NDArray
 
-# A candidate with less is not counted as said to be possible.
+# Smallest probability of a candidate that counts as reported possible.
 WORTH_NAMING = 0.05
-# A candidate that stays with so much in the end is said to be missing perhaps; some have half of it whatever the arm.
+# Smallest probability of a last candidate that counts as perhaps missing; some have half of it on any arm.
 STAYS_OPEN = 0.1
-# What is said with so much is said as a fact.
+# Smallest probability that counts as a statement of fact.
 SURELY = 0.9
 # The 95 % point of chi-squared with three degrees of freedom.
 CHI2_3_95 = 7.815
@@ -41,12 +41,12 @@ WHOLE_ARM = frozenset(
 
 
 def named(effect: str, joints: list[int] | tuple[int, ...]) -> list[str]:
-    """Effect and joint as one word each, joint by joint where it acts joint by joint."""
+    """One word `effect joint` for each joint or pair of joints; the effect alone if it acts on the whole arm."""
     if effect in WHOLE_ARM or not joints:
         return [effect]
     if effect in ("joint_coupling", "coupling_harmonics", "cross_compliance"):
         pairs = [list(joints[i : i + 2]) for i in range(0, len(joints), 2)]
-        # Which of a symmetric pair is named first says nothing.
+        # The order of a symmetric pair has no meaning.
         pairs = [sorted(pair) if effect == "cross_compliance" else pair for pair in pairs]
         return [f"{effect} {','.join(map(str, pair))}" for pair in pairs]
     return [f"{effect} {joint}" for joint in joints]
@@ -62,7 +62,7 @@ def effects_named(effects: list[Any]) -> set[str]:
 
 
 def words_of_label(label: str) -> set[str]:
-    """`named` words of a candidate as `confounded_with` has it: effect, joints, and perhaps a period."""
+    """`named` words of a label in `confounded_with`: effect, joints, and perhaps a period."""
     effect, *rest = label.split(" ")
     joints = rest[0].split(",") if rest and rest[0][0].isdigit() else []
     return set(named(effect, [int(joint) for joint in joints]))
@@ -70,12 +70,12 @@ def words_of_label(label: str) -> set[str]:
 
 @dataclass(frozen=True)
 class Settings:
-    """How cases are run. limit: seconds a command may take before it counts as hung; terminal: None, every other seed.
+    """How cases are run. limit: seconds after which a command counts as hung; terminal: None means every other seed.
 
-    reference: also the fit that is handed the truth, for the error's ratio. statics: as a scenario's. variants: every
-    seed has an arm of its own. keep: a folder in which every case leaves its files, in one of its own. ratios: what
-    robot.yaml says of gear ratios: known, negative (of motors that turn against their joints), none, or wrong by 1 %.
-    masses: whether it has those of the links.
+    reference: also fit the true model, for the error's ratio. statics: as in a scenario. variants: every seed has an
+    arm of its own. keep: a folder that keeps the files of every case, each in a folder of its own. ratios: gear ratios
+    in robot.yaml: known, negative (motors that turn against their joints), none, or wrong by 1 %. masses: of links in
+    robot.yaml: known or none.
     """
 
     limit: float = 300.0
@@ -90,7 +90,7 @@ class Settings:
 
 @dataclass
 class Outcome:
-    """What became of one case. Errors are mean distances on fresh exact poses [m]."""
+    """Result of one case. Errors are mean distances on fresh exact poses [m]."""
 
     kind: str
     arm: str
@@ -122,34 +122,34 @@ class Outcome:
     without_column: set[str] = field(default_factory=set)
 
     def ended(self, ran: Ran) -> Outcome:
-        """A command that did not end well, with its last line."""
+        """Record a command that hung or failed, with its last line."""
         limit = f"hang: {ran.seconds:.0f} s, {ran.processor:.1f} s of processor"
         self.trouble = limit if ran.hung else f"status {ran.status}: {ran.said.strip().splitlines()[-1:]}"
         return self
 
     @property
     def found(self) -> bool:
-        """All that was hidden is in the final model."""
+        """True if all hidden effects are in the final model."""
         return self.hidden <= self.added
 
     @property
     def extras(self) -> set[str]:
-        """What was added though it is not in the arm."""
+        """Effects that were added but are not in the arm."""
         return self.added - self.hidden - self.accepted
 
     @property
     def surely_false(self) -> set[str]:
-        """What is not in the arm and was said with SURELY or more, or without a probability."""
+        """Effects that are not in the arm but were added with SURELY or more, or without a probability."""
         return (self.extras - self.causes) & self.sure
 
     @property
     def covered(self) -> bool:
-        """The leading candidate or one that it could be taken for is among what was hidden."""
+        """True if the leading candidate or one that it is confounded with is a hidden effect."""
         return any(words & self.hidden for words in [*self.first[:1], *self.ambiguity])
 
     @property
     def error_ratio(self) -> float:
-        """Error over that of the fit that was handed the true effects."""
+        """Error divided by that of the fit of the true effects."""
         return self.error / self.error_true if self.error_true > 0 else float("nan")
 
 
@@ -175,7 +175,7 @@ def verdict_of(outcome: Outcome) -> str:
 
 
 def verdict_outside(outcome: Outcome) -> str:
-    """Of a formula that no effect has: the leading finding names a variable, and a joint that is concerned."""
+    """Verdict on a formula that no effect has: the leading finding must name one of its variables and joints."""
     if outcome.added:
         return "explained away"
     named_right = any(
@@ -186,7 +186,7 @@ def verdict_outside(outcome: Outcome) -> str:
 
 
 def verdict_foreign(outcome: Outcome) -> str:
-    """Of a truth whose form no effect has: its cause, or that what is left depends on one of its variables."""
+    """Verdict on a truth whose form no effect has: a cause must be added, or a finding name one of its variables."""
     if outcome.added - outcome.causes - outcome.accepted:
         return "extra"
     depends = {variable for found in outcome.unexplained for variable in variables_found(found)}
@@ -194,26 +194,26 @@ def verdict_foreign(outcome: Outcome) -> str:
 
 
 def variables_found(found: dict[str, Any]) -> set[str]:
-    """The contract's `variable`, and today's `variables`."""
+    """Variables of a finding: `variable` in the contract, `variables` today."""
     return {*found.get("variables", []), *([found["variable"]] if "variable" in found else [])}
 
 
 def one_of_the_readings(outcome: Outcome) -> bool:
-    """True where warm_up stands for heat that no noise tells from it, and all that is hidden is said to be possible."""
+    """True if warm_up was added for heat that noise hides, and all hidden effects are reported possible."""
     return outcome.added <= outcome.hidden | {"warm_up"} and outcome.hidden <= outcome.added | outcome.open
 
 
 def accounted_for(steps: list[dict[str, Any]]) -> bool:
-    """True where each step's effects are those before it, and what it says it added, less what it says it removed."""
+    """True if each step's effects are those of the step before, plus its stated addition, minus its stated removals."""
 
     def words(entry: dict[str, Any] | str) -> set[str]:
-        # On one link and on the whole arm it may stand side by side for a while.
+        # Entries for one link and for the whole arm may be in the model together for some steps.
         if isinstance(entry, dict) and entry["effect"] == "thermal_expansion":
             return {f"thermal_expansion {entry.get('joints')}"}
         return effects_named([entry])
 
     for before, after in itertools.pairwise(steps):
-        # One name may have two entries: waves of two orders that came one after the other.
+        # One name may have two entries: harmonics of two orders that were added one after the other.
         effects = Counter(name for entry in before["effects"] for name in words(entry))
         effects.update(words(after["added"]) if after["added"] else ())
         effects.subtract(name for removed in after["removed"] for name in words(removed))
@@ -223,7 +223,7 @@ def accounted_for(steps: list[dict[str, Any]]) -> bool:
 
 
 def run_case(kind: str, arm: str, seed: int, settings: Settings | None = None) -> Outcome:
-    """Simulate, fit what is believed, refine, and compare with the fit that was handed the truth."""
+    """Simulate, fit the believed model, refine, and compare with the fit of the true model."""
     settings = settings or Settings()
     case = hidden_cases(kind, arm, seed, settings.statics, seed if settings.variants else None)
     case.campaign.robot = with_ratios(case.campaign.robot, settings.ratios)
@@ -237,7 +237,7 @@ def run_case(kind: str, arm: str, seed: int, settings: Settings | None = None) -
 
 def _judged(case: HiddenCase, folder: Path, settings: Settings) -> Outcome:
     case.campaign.write(folder)
-    # Both ways that people run it: progress is drawn on a terminal, and told to nobody in a script.
+    # Both uses are covered: on a terminal, which shows progress, and in a script, which does not.
     terminal = settings.terminal if settings.terminal is not None else case.seed % 2 == 1
     outcome = Outcome(case.kind, case.arm, case.seed, hidden_words(case), accepted=set(case.accepted))
     outcome.causes, outcome.variables = set(case.causes), set(case.variables) or variables_of(case)
@@ -272,7 +272,7 @@ def _judged(case: HiddenCase, folder: Path, settings: Settings) -> Outcome:
 
 
 def with_ratios(robot: dict[str, Any], ratios: str) -> dict[str, Any]:
-    """robot.yaml of an owner who does not know the gear ratios, or not quite, or whose motors turn the other way."""
+    """robot.yaml without gear ratios, with ratios wrong by 1 %, or with those of motors that turn the other way."""
     robot = copy.deepcopy(robot)
     factor = {"known": 1.0, "negative": -1.0, "none": 0.0, "wrong": 1.01}[ratios]
     for joint in robot["kinematics"]["joints"]:
@@ -282,7 +282,7 @@ def with_ratios(robot: dict[str, Any], ratios: str) -> dict[str, Any]:
 
 
 def weighed_robot(case: HiddenCase) -> dict[str, Any]:
-    """robot.yaml of an owner who has weighed the links and levelled the base: as stated, but with the true figures."""
+    """robot.yaml with the true masses, gravity and payload centre, as if the owner had measured them."""
     robot, truth = dict(case.campaign.robot), case.campaign.truth
     if not case.accepted:
         return robot
@@ -298,7 +298,7 @@ def _fitted(folder: Path, model: str, out: str, settings: Settings, robot: str =
 
 
 def read_refinement(outcome: Outcome, document: dict[str, Any]) -> None:
-    """What refine's JSON says, into the outcome."""
+    """Read refine's JSON into the outcome."""
     steps = document["steps"]
     before, after = effects_named(steps[0]["effects"]), effects_named(document["effects"])
     candidates = steps[0]["candidates"]
@@ -333,7 +333,7 @@ def read_refinement(outcome: Outcome, document: dict[str, Any]) -> None:
 
 
 def stand_ins_of(steps: list[dict[str, Any]]) -> set[str]:
-    """What is said to be possible in place of what leads or was added, or to be missing still, as `named` words."""
+    """`named` words of alternatives to the leading and the added candidates, and of those perhaps still missing."""
     labels = [label for c in steps[0]["candidates"][:1] for label in c["confounded_with"]]
     labels += [label for step in steps if step["added"] for label in step["added"]["confounded_with"]]
     return {word for label in labels for word in words_of_label(str(label))} | {
@@ -345,12 +345,12 @@ def stand_ins_of(steps: list[dict[str, Any]]) -> set[str]:
 
 
 def said_of(outcome: Outcome, document: dict[str, Any]) -> list[tuple[float, bool]]:
-    """(probability said, whether it is so) of what was added, of what is left a candidate, and of nothing missing."""
+    """(stated probability, whether it is true) of added effects, of the last candidates, and of nothing missing."""
     there = outcome.hidden | outcome.accepted | outcome.causes
-    # A truth whose form no effect has may be called by several names: with one of them in the model all is said.
+    # A truth whose form no effect has may have several names: one of them in the model is enough.
     named_already = outcome.causes if outcome.causes & outcome.added else set()
     last = document["steps"][-1]
-    # A joint that was added may stand in one entry with joints that were believed.
+    # An added joint may be in one entry with joints of the initial model.
     said = [
         (float(entry["probability"]), effects_named([entry]) & outcome.added <= there)
         for entry in document["effects"]
@@ -359,7 +359,7 @@ def said_of(outcome: Outcome, document: dict[str, Any]) -> list[tuple[float, boo
     for entry in last["candidates"]:
         if entry.get("probability") is not None:
             words = set(named(entry["effect"], entry.get("joints") or []))
-            # What is in the model already is not there a second time.
+            # A candidate that is in the model already is not missing.
             missing = not words <= outcome.added | named_already
             said.append((float(entry["probability"]), words <= there and missing))
     if last.get("probability_nothing") is not None:
@@ -396,7 +396,7 @@ def misses(predicted: Path, campaign: Campaign) -> tuple[NDArray[np.float64], li
 
 
 def hidden_words(case: HiddenCase) -> set[str]:
-    """What is to be found, as `named` words: not what the case withholds the column of."""
+    """`named` words of the effects to be found, without those whose column the case withholds."""
     words = {word for effect, joints in case.pairs for word in named(effect, joints)}
     return {word for word in words if not word.startswith(case.untestable or ("nothing",))}
 
@@ -418,7 +418,7 @@ def joints_of(case: HiddenCase) -> set[int]:
 
 
 def known_to_the_model(model: dict[str, Any]) -> dict[str, Any]:
-    """A true model without the keys that say how large an effect is: those are for the simulator."""
+    """A true model without the keys that state the size of an effect, which only the simulator reads."""
     sizes = ("scale", "shape", "tilt")
     effects = [
         e if isinstance(e, str) else {k: v for k, v in e.items() if k not in sizes} for e in model["effects"]

@@ -1,8 +1,8 @@
-"""Campaigns in which one joint repeats badly: is it named, and by how much?
+"""Campaigns in which one joint repeats badly: is it named, and is its repeatability right?
 
 `./dev hidden noise`: 300 poses, one joint repeats to 45 urad, the others to 4, the instrument reads to 8 um. The
-figures are those of `diagnose --json`: `noise.joints_urad` and `noise.reading_um`. And do the 95 % regions of `predict
---uncertainty` hold 95 % of fresh exact poses?
+figures are those of `diagnose --json`: `noise.joints_urad` and `noise.reading_um`. Also: do the 95 % regions of
+`predict --uncertainty` contain 95 % of fresh exact poses?
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ BAD_WITHIN, READING_WITHIN = 8.0, 1.0  # urad, um
 
 @dataclass
 class NoiseFound:
-    """One campaign. joints_urad is empty and reading_um None where this build says nothing of the noise's parts."""
+    """Result of one campaign. joints_urad is empty and reading_um None if this build does not report `noise`."""
 
     arm: str
     seed: int
@@ -38,12 +38,12 @@ class NoiseFound:
 
     @property
     def named(self) -> bool:
-        """True where the joint that repeats worst is the one."""
+        """True if the joint reported to repeat worst is the bad one."""
         return bool(self.joints_urad) and int(np.argmax(self.joints_urad)) + 1 == self.bad
 
     @property
     def within(self) -> bool:
-        """True where both figures are as near as was asked for."""
+        """True if the bad joint is named and both figures are within BAD_WITHIN and READING_WITHIN."""
         if not self.named or self.reading_um is None:
             return False
         off = abs(self.joints_urad[self.bad - 1] - 1e6 * BAD)
@@ -51,7 +51,7 @@ class NoiseFound:
 
 
 def scenario(arm: str, seed: int) -> tuple[dict[str, Any], int]:
-    """The campaign, and which joint repeats badly: any but the last, whose lever is centimetres."""
+    """The campaign, and which joint repeats badly: any but the last, whose lever is only centimetres."""
     bad = int(np.random.default_rng([seed, 45]).integers(1, 6))
     return {
         "arm": arm,

@@ -1,4 +1,4 @@
-"""Causes that look alike, each hidden in a session that cannot tell them and in the one that decides: what is said."""
+"""Answers on causes that look alike, each hidden in a session that cannot separate them and in one that can."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ ANSWERS = ("right", "both", "and a false one", "no column", "wrong", "else", "no
 
 
 def answer(outcome: Outcome) -> str:
-    """What is said of a case, by ANSWERS, or `failed`.
+    """The answer in one case, by ANSWERS, or `failed`.
 
-    both: the true one is named, or may stand for what is. and a false one: the same, but one that is not there is said
-    surely. no column: the true one is listed with the column to record. wrong: what is not there is said surely, and
-    nothing tells of what is. else: something is said, less surely, or that the error depends on something.
+    both: the true cause is added or listed as an alternative. and a false one: the same, but an absent cause is added
+    with SURELY or more. no column: the true cause is listed with the column to record. wrong: an absent cause is added
+    with SURELY or more, and the true one is not mentioned. else: something is added with less, or unexplained.
     """
     if outcome.trouble:
         return "failed"
@@ -38,7 +38,7 @@ def answer(outcome: Outcome) -> str:
 
 
 def row(pair: Pair, hidden: int, answers: dict[str, Counter[str]]) -> str:
-    """One line of the table: the open session's answers, and how often the other one's is right alone."""
+    """One line of the table: answers in the open session, and how often the deciding one is right alone."""
     one, other = pair.suspects[hidden], pair.suspects[1 - hidden]
     there = answers.get(pair.kind(hidden, False), Counter())
     then = answers.get(pair.kind(hidden, True))

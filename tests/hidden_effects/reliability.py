@@ -1,4 +1,4 @@
-"""How often what is said with a probability is true."""
+"""Calibration: how often a statement with a given probability is true."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-# Bins by what was said; the outer ones are narrow, for that is where most is said.
+# Bins of stated probability; the outer ones are narrow, because most statements are there.
 EDGES = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0)
 Said = tuple[float, bool]
 
 
 def bins(said: Iterable[Said]) -> list[tuple[int, float, float]]:
-    """(how many, mean said, share true) of each bin of EDGES that holds any."""
+    """(count, mean stated probability, share true) of each bin of EDGES that is not empty."""
     pairs = list(said)
     probability = np.array([p for p, _ in pairs])
     true = np.array([t for _, t in pairs], dtype=float)
@@ -26,12 +26,12 @@ def bins(said: Iterable[Said]) -> list[tuple[int, float, float]]:
 
 
 def expected_calibration_error(said: Sequence[Said]) -> float:
-    """Mean distance of said and true over the bins, weighted by how much was said in each."""
+    """Mean distance of stated probability and share true over the bins, weighted by their counts."""
     return sum(count * abs(p - t) for count, p, t in bins(said)) / max(len(said), 1)
 
 
 def table(said: Sequence[Said]) -> str:
-    """Markdown; one sentence where nothing was said."""
+    """Markdown; one sentence if no probability was stated."""
     if not said:
         return "This build's JSON has no `probability`: nothing to hold against what is true.\n"
     lines = ["| said | how often | true |", "|---|---|---|"]

@@ -1,4 +1,4 @@
-"""What a diagnosis advises can be done as it stands, and does what it says."""
+"""The advice of a diagnosis can be followed as printed, and its promises hold."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Fit = Any
 
 
 def fit_of(plan: dict[str, Any], without: str = "", robot: dict[str, Any] | None = None) -> Fit:
-    """A fit of what is believed to a simulated campaign, without the columns whose names begin with `without`."""
+    """Fit the believed model to a simulated campaign, without the columns whose names begin with `without`."""
     campaign = simulate(plan)
     columns = {
         name: np.ascontiguousarray(values, dtype=float)
@@ -66,7 +66,7 @@ def custom(coordinate: str, expression: str, joints: list[int], value: float) ->
         ({"effect": "backlash", "joints": [3]}, 0.5),
     ],
 )
-def test_the_advised_command_lowers_the_held_out_error(hidden: dict[str, Any], falls_to: float) -> None:
+def test_advised_command_lowers_the_held_out_error(hidden: dict[str, Any], falls_to: float) -> None:
     fit, campaign, columns = fit_of({"arm": "kr30", "seed": 3, "hidden": [hidden]})
     diagnosis = json.loads(_core.diagnose(fit))
     before = diagnosis["error"]["held_out"]["mean_um"]
@@ -77,7 +77,7 @@ def test_the_advised_command_lowers_the_held_out_error(hidden: dict[str, Any], f
 
 @pytest.mark.full
 @pytest.mark.parametrize("gear_ratio", [None, 40.0])
-def test_a_mesh_order_is_found_though_the_gear_ratio_is_unknown_or_wrong(gear_ratio: float | None) -> None:
+def test_gear_mesh_is_found_with_unknown_or_wrong_gear_ratio(gear_ratio: float | None) -> None:
     plan = {"arm": "kr30", "seed": 5, "hidden": [custom("motor2", "cos(421*q2)", [2], 1.5e-4)]}
     robot = json.loads(json.dumps(simulate(plan).robot))
     for joint in robot["kinematics"]["joints"]:
@@ -95,7 +95,7 @@ def test_a_mesh_order_is_found_though_the_gear_ratio_is_unknown_or_wrong(gear_ra
 
 @pytest.mark.full
 @pytest.mark.parametrize("joint", [2, 3])
-def test_the_direction_to_record_is_named_by_joint(joint: int) -> None:
+def test_advice_names_the_direction_column_to_record(joint: int) -> None:
     hidden = [{"effect": "backlash", "joints": [joint], "scale": 3.0}]
     fit, _, _ = fit_of({"arm": "kr30", "seed": 7, "hidden": hidden}, without="dir")
     advice = json.loads(_core.diagnose(fit))["advice"]
@@ -104,7 +104,7 @@ def test_the_direction_to_record_is_named_by_joint(joint: int) -> None:
 
 @pytest.mark.quick("lbr")
 @pytest.mark.parametrize("arm", ARMS)
-def test_no_direction_is_asked_for_where_nothing_is_missing(arm: str) -> None:
+def test_complete_model_gets_no_advice_to_record_directions(arm: str) -> None:
     case = hidden_cases("nothing_hidden", arm, 11)
     columns = {
         name: np.ascontiguousarray(values, dtype=float)
@@ -118,7 +118,7 @@ def test_no_direction_is_asked_for_where_nothing_is_missing(arm: str) -> None:
 
 
 @pytest.mark.full
-def test_two_effects_that_are_both_there_are_no_alternatives() -> None:
+def test_two_present_effects_are_not_listed_as_confounded() -> None:
     hidden = [
         {"effect": "backlash", "joints": [2], "scale": 2.0},
         {"effect": "joint_scale", "joints": [4], "scale": 2.0},
@@ -133,8 +133,8 @@ def test_two_effects_that_are_both_there_are_no_alternatives() -> None:
             assert "backlash 2" not in candidate["confounded_with"]
 
 
-def test_what_the_data_cannot_tell_is_said_to_be_alternatives() -> None:
-    # A balancer that harmonics follow to a micrometre.
+def test_indistinguishable_effects_are_listed_as_confounded() -> None:
+    # Gear harmonics follow this balancer's effect to a micrometre.
     case = hidden_cases("one_hidden", "kr30", 124)
     columns = {name: np.ascontiguousarray(v, dtype=float) for name, v in case.campaign.data.items()}
     fit = _core.fit(json.dumps(case.campaign.robot), columns, json.dumps({"effects": case.believed}))

@@ -1,4 +1,4 @@
-"""What poses differ by and repeats of one pose do not is no joint's repeatability."""
+"""An error that differs between poses but not between repeats of a pose is not a joint's repeatability."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from armtrue_sim import simulate
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_pattern_too_fine_to_be_named_is_not_called_noise(seed: int, tmp_path: Path) -> None:
-    # Along one joint's motion it was taken for that joint's repeatability, by which repeats were then judged.
+def test_pattern_too_fine_to_be_named_is_not_called_noise(seed: int, tmp_path: Path) -> None:
+    # The pattern moves one joint: it was taken for that joint's repeatability, by which repeats were then judged.
     fine = {
         "effect": "custom", "name": "fine", "coordinate": "motor2", "expression": "sin(37*q1)*cos(41*q3)",
         "joints": [1, 3], "value": 6e-5,
@@ -38,7 +38,7 @@ def test_a_pattern_too_fine_to_be_named_is_not_called_noise(seed: int, tmp_path:
 
 
 @pytest.mark.full
-def test_gross_errors_that_lie_together_are_an_error_of_the_arm(tmp_path: Path) -> None:
+def test_clustered_gross_errors_are_reported_as_structure(tmp_path: Path) -> None:
     # All poses near one angle of axis 2 were kept out as bumped reflectors, and the rest was called noise.
     bump = {
         "effect": "custom", "name": "bump", "coordinate": "motor2", "expression": "exp(-((q2 + 0.8)*30)^2)",

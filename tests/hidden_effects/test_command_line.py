@@ -1,4 +1,4 @@
-"""The harness itself: it counts hangs, draws progress on a terminal, and its tables say what is so."""
+"""The harness itself: it counts hangs, runs commands with and without a terminal, and its tables are right."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from noise_parts import table as noise_table
 from reliability import bins, expected_calibration_error, table
 
 
-def test_a_command_that_hangs_is_ended_with_its_children_at_the_limit() -> None:
+def test_hung_command_is_killed_with_its_children_at_the_limit() -> None:
     started = time.perf_counter()
     child = "import subprocess, sys; subprocess.run([sys.executable, '-c', 'import time; time.sleep(60)'])"
     for terminal in (False, True):
@@ -32,20 +32,20 @@ def test_a_command_that_hangs_is_ended_with_its_children_at_the_limit() -> None:
 
 
 @pytest.mark.parametrize("terminal", [False, True])
-def test_a_command_knows_whether_it_has_a_terminal(terminal: bool) -> None:
+def test_run_program_gives_a_terminal_only_if_requested(terminal: bool) -> None:
     ran = run_program(
         [sys.executable, "-c", "import sys; print(sys.stdout.isatty()); sys.exit(3)"], 60.0, terminal
     )
     assert (ran.status, ran.said.strip()) == (3, str(terminal))
 
 
-def test_the_products_command_is_the_one_that_runs() -> None:
+def test_run_executes_the_installed_armtrue() -> None:
     ran = run(["refine", "no-such-fit.json", "--out", "x.json"], 60.0)
     assert ran.status == 2
     assert "no-such-fit.json" in ran.said
 
 
-def test_a_hang_and_a_failure_are_verdicts() -> None:
+def test_hang_and_failure_are_verdicts() -> None:
     hung = Outcome("one_hidden", "kr30", 0, {"backlash 2"}, trouble="hang")
     assert verdict_of(hung) == "hang"
     assert (
@@ -57,13 +57,13 @@ def outcome(kind: str, **more: object) -> Outcome:
     return Outcome(kind, "kr30", 0, **{"hidden": set(), "verdict": "nothing_missing", **more})  # type: ignore[arg-type]
 
 
-def test_what_is_wrong_in_the_file_may_be_named_and_nothing_else() -> None:
+def test_verdict_accepts_only_effects_wrong_in_robot_yaml() -> None:
     real = {"accepted": {"mass_parameters", "gravity_direction"}}
     assert verdict_of(outcome("real_nothing", added={"mass_parameters"}, **real)) == "right"
     assert verdict_of(outcome("real_nothing", added={"bending_compliance 1"}, **real)) == "extra"
 
 
-def test_a_foreign_truth_wants_its_cause_or_its_variable() -> None:
+def test_foreign_truth_needs_its_cause_or_variable_named() -> None:
     foreign = {"hidden": {"dahl_friction 2"}, "causes": {"hysteresis 2", "backlash 2"}, "variables": {"dir2"}}
     assert verdict_of(outcome("foreign_truth", added={"backlash 2"}, **foreign)) == "right"
     assert verdict_of(outcome("foreign_truth", added={"backlash 3"}, **foreign)) == "extra"
@@ -76,14 +76,14 @@ def test_a_foreign_truth_wants_its_cause_or_its_variable() -> None:
         assert verdict_of(outcome("foreign_truth", unexplained=[found], **foreign)) == "right"
 
 
-def test_heat_that_noise_hides_may_be_called_warm_up_where_the_rest_is_said_to_be_possible() -> None:
+def test_warm_up_is_right_if_the_hidden_heat_stays_possible() -> None:
     hidden = {"thermal_expansion", "thermal_joint_drift 2"}
     vague = outcome("thermal_pair_noise_x4", hidden=hidden, added={"warm_up"}, open=hidden)
     assert verdict_of(vague) == "right"
     assert verdict_of(outcome("thermal_pair_noise_x4", hidden=hidden, added={"warm_up"})) == "missed"
 
 
-def test_probabilities_are_read_where_they_are_said() -> None:
+def test_read_refinement_collects_stated_probabilities() -> None:
     base = {"removed": [], "verdict": "nothing_missing", "unexplained": [], "untestable": [], "added": None}
     candidate = {"effect": "backlash", "joints": [3], "confounded_with": ["warm_up"], "probability": 0.2}
     step = base | {"effects": ["base_frame"], "candidates": [candidate], "probability_nothing": 0.7}
@@ -99,7 +99,7 @@ def test_probabilities_are_read_where_they_are_said() -> None:
     assert seen.accounted
 
 
-def test_reliability_of_honest_and_of_boastful_words() -> None:
+def test_calibration_error_of_honest_and_overconfident_answers() -> None:
     honest = [(0.9, i < 90) for i in range(100)] + [(0.1, i < 10) for i in range(100)]
     assert expected_calibration_error(honest) == pytest.approx(0.0, abs=1e-12)
     assert bins(honest) == [
@@ -112,7 +112,7 @@ def test_reliability_of_honest_and_of_boastful_words() -> None:
     assert "no `probability`" in table([])
 
 
-def test_noise_in_parts_is_judged_by_joint_and_size() -> None:
+def test_noise_parts_are_judged_by_joint_and_size() -> None:
     good = NoiseFound("kr30", 0, 2, [4.0, 44.0, 3.0], 8.3)
     assert good.named
     assert good.within
@@ -124,7 +124,7 @@ def test_noise_in_parts_is_judged_by_joint_and_size() -> None:
     assert given["repeatability"]["joints"] == {bad: BAD}
 
 
-def test_coefficients_are_held_against_the_truth_in_sigmas() -> None:
+def test_deviations_compare_coefficients_with_truth_in_sigmas() -> None:
     campaign = simulate({"arm": "kr30", "poses": 40, "hidden": [{"effect": "gear_harmonics", "joints": [3]}]})
     true = {t.expression: t.value for t in campaign.arm.terms if t.effect == "gear_harmonics"}
 
@@ -151,7 +151,7 @@ def test_coefficients_are_held_against_the_truth_in_sigmas() -> None:
     }
 
 
-def test_a_row_counts_effects_cases_and_hangs() -> None:
+def test_table_row_counts_effects_cases_and_hangs() -> None:
     found = outcome(
         "one_hidden", hidden={"backlash 2"}, added={"backlash 2"}, first=[{"backlash 2"}], seconds=1.0
     )
@@ -168,12 +168,12 @@ def test_a_row_counts_effects_cases_and_hangs() -> None:
     assert told["s/case: median, worst"] == "2.00, 3.00"
 
 
-def test_a_symmetric_pair_has_one_name_and_a_driven_joint_another() -> None:
+def test_joint_order_is_ignored_only_for_symmetric_pairs() -> None:
     assert named("cross_compliance", [3, 2]) == named("cross_compliance", [2, 3]) == ["cross_compliance 2,3"]
     assert named("coupling_harmonics", [5, 4]) != named("coupling_harmonics", [4, 5])
 
 
-def test_the_reference_of_an_arm_unlike_its_file_knows_its_masses() -> None:
+def test_weighed_robot_has_true_masses_payload_and_gravity() -> None:
     real, plain = (hidden_cases(kind, "kr30", 1) for kind in ("real_nothing", "nothing_hidden"))
     weighed = weighed_robot(real)
     stated = [link["mass"] for link in real.campaign.robot["links"]]
@@ -187,7 +187,7 @@ def test_the_reference_of_an_arm_unlike_its_file_knows_its_masses() -> None:
     assert weighed_robot(plain) == plain.campaign.robot
 
 
-def test_people_are_told_which_joint_repeats_badly_and_what_readings_scatter_by(tmp_path: Path) -> None:
+def test_diagnose_prints_the_worst_joint_and_reading_noise(tmp_path: Path) -> None:
     given, bad = scenario("kr30", 4)
     simulate(given, tmp_path)
     fitted = str(tmp_path / "fit.json")

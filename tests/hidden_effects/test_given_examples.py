@@ -1,4 +1,4 @@
-"""The four campaigns that are given beside the checkout, from a generator that is not ours: through the command."""
+"""The four campaigns in ../shared/examples, made by another generator than ours, through the command line."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from harness import effects_named
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "shared" / "examples"
 ARMTRUE = str(Path(sys.executable).with_name("armtrue"))
-# What was found may predict fresh exact poses so much worse than a fit that was handed the hidden effects.
+# Largest error on fresh exact poses, relative to a fit that includes the hidden effects from the start.
 AS_GOOD = 1.1
-# The examples' README gives 2.4 to 3.2 µm for a fit that is told what is hidden.
+# The examples' README gives 2.4 to 3.2 µm for a fit that includes the hidden effects.
 FRESH_POSES_M = 3.5e-6
 
 pytestmark = pytest.mark.skipif(not EXAMPLES.is_dir(), reason="../shared/examples is not here")
@@ -38,7 +38,7 @@ def run(*arguments: object) -> None:
         "kr30-nothing-hidden",
     ],
 )
-def test_what_is_hidden_is_found_and_fresh_poses_bear_it_out(name: str, tmp_path: Path) -> None:
+def test_hidden_effects_are_found_and_fresh_poses_predicted(name: str, tmp_path: Path) -> None:
     given = EXAMPLES / name
     fit, best, document, predicted = (
         tmp_path / part for part in ("fit.json", "best.json", "out.json", "p.csv")
@@ -57,7 +57,7 @@ def test_what_is_hidden_is_found_and_fresh_poses_bear_it_out(name: str, tmp_path
     told = json.loads(document.read_text())
     hidden = effects_named(json.loads((given / "hidden.json").read_text())) - {"none"}
     assert hidden <= effects_named(told["effects"])
-    # The contract: how probable each effect is that refine added, and nothing of what stood there before.
+    # The contract: a probability for each effect that refine added, and none for effects of the initial model.
     stood = told["steps"][0]["effects"]
     for entry in told["effects"]:
         probability = entry.pop("probability", None)

@@ -13,7 +13,7 @@ from harness import run_case as run_settings
 
 
 def and_in_full(first: Any, *more: Any) -> list[Any]:
-    """One case for every change; `./dev test full` has the others too."""
+    """The first case runs in every test run; `./dev test full` runs the others too."""
     return [
         first,
         *(
@@ -53,7 +53,7 @@ def test_three_hidden_effects_are_found_and_nothing_else(arm: str, seed: int) ->
 
 
 @pytest.mark.parametrize(("arm", "seed"), arms_and_seeds({("lbr", 1)}))
-def test_nothing_hidden_is_no_alarm(arm: str, seed: int) -> None:
+def test_complete_model_raises_no_alarm(arm: str, seed: int) -> None:
     outcome = run_case("nothing_hidden", arm, seed)
     assert (outcome.added, outcome.verdict) == (set(), "nothing_missing")
 
@@ -65,7 +65,7 @@ def test_nothing_hidden_is_no_alarm(arm: str, seed: int) -> None:
         *((arm, 2) for arm in ARMS),
     ),
 )
-def test_what_no_effect_names_is_not_explained_away(arm: str, seed: int) -> None:
+def test_formula_outside_the_catalogue_is_not_explained_away(arm: str, seed: int) -> None:
     outcome = run_case("outside_catalogue", arm, seed)
     assert verdict_of(outcome) == "right", outcome
 
@@ -78,7 +78,7 @@ def test_what_no_effect_names_is_not_explained_away(arm: str, seed: int) -> None
         for case in and_in_full((kind, first), *((kind, arm) for arm in ARMS if arm != first))
     ],
 )
-def test_hard_circumstances(kind: str, arm: str) -> None:
+def test_hidden_effects_are_found_in_hard_circumstances(kind: str, arm: str) -> None:
     outcome = run_case(kind, arm, 2)
     assert verdict_of(outcome) == "right", outcome
 
@@ -89,8 +89,8 @@ def test_hard_circumstances(kind: str, arm: str) -> None:
         ("real_nothing", "cobot"), ("real_one", "kr30"), ("real_nothing", "kr30"), ("real_one", "cobot")
     ),
 )
-def test_an_arm_unlike_its_file_hides_nothing_and_alarms_nobody(kind: str, arm: str) -> None:
-    # Masses 20 % off, the base not level, loads where the arm stands: the search weighs the links, or it is led astray.
+def test_arm_that_differs_from_robot_yaml_is_diagnosed_right(kind: str, arm: str) -> None:
+    # Masses 20 % off, base not level, loads on the deflected arm: the search must fit masses, or it is led astray.
     outcome = run_case(kind, arm, 20000)
     assert verdict_of(outcome) == "right", outcome
 
@@ -108,9 +108,9 @@ def test_an_arm_unlike_its_file_hides_nothing_and_alarms_nobody(kind: str, arm: 
         ("sixty_poses", "kr30", 29713),
     ),
 )
-def test_arms_that_nobody_has_are_diagnosed(kind: str, arm: str, seed: int) -> None:
-    # cobot 29703: beside a residual this large robot.yaml knows each single mass better than the data do, and was taken
-    # to know all of them together.
+def test_randomly_varied_arms_are_diagnosed_right(kind: str, arm: str, seed: int) -> None:
+    # cobot 29703: with a residual this large, robot.yaml states each single mass better than the data do, and was taken
+    # to state all of them together as well.
     outcome = run_settings(kind, arm, seed, Settings(reference=False, variants=True))
     assert verdict_of(outcome) == "right", outcome
 
@@ -124,12 +124,12 @@ def test_arms_that_nobody_has_are_diagnosed(kind: str, arm: str, seed: int) -> N
         ("cross_compliance_2,3", "joint_compliance_3", "kr30"),
     ],
 )
-def test_of_a_pair_that_a_session_leaves_open_both_are_named(one: str, other: str, arm: str) -> None:
+def test_pair_is_named_in_open_session_and_decided_in_the_other(one: str, other: str, arm: str) -> None:
     assert pairs.answer(run_case(f"open_{one}_or_{other}", arm, 0)) in ("right", "both")
     assert pairs.answer(run_case(f"decided_{one}_or_{other}", arm, 0)) == "right"
 
 
-def test_the_judge_sees_what_a_last_step_leaves() -> None:
+def test_verdict_depends_on_lost_effects_and_the_last_step() -> None:
     fine = Outcome("one_hidden", "kr30", 0, {"backlash 2"}, added={"backlash 2"}, verdict="nothing_missing")
     assert verdict_of(fine) == "right"
     assert verdict_of(replace(fine, lost={"joint_compliance 3"})) == "lost"
@@ -137,7 +137,7 @@ def test_the_judge_sees_what_a_last_step_leaves() -> None:
     assert verdict_of(replace(fine, accounted=False)) == "not accounted for"
 
 
-def test_the_judge_wants_every_effect_named_by_a_step() -> None:
+def test_accounted_for_requires_every_change_to_be_named() -> None:
     def step(effects: list[str], added: str | None = None, removed: tuple[str, ...] = ()) -> dict[str, Any]:
         return {
             "effects": effects,
@@ -152,7 +152,7 @@ def test_the_judge_wants_every_effect_named_by_a_step() -> None:
     assert not accounted_for([start, step(["warm_up"], "warm_up")])
 
 
-def test_of_a_truth_with_several_names_one_is_enough() -> None:
+def test_one_of_several_names_of_a_foreign_truth_is_enough() -> None:
     outcome = Outcome("foreign_truth", "kr30", 0, {"dahl_friction 2"}, causes={"backlash 2", "hysteresis 2"})
     document = {
         "effects": [],
@@ -168,7 +168,7 @@ def test_of_a_truth_with_several_names_one_is_enough() -> None:
     assert said_of(outcome, document) == [(0.1, False), (0.9, True)]
 
 
-def test_the_judge_knows_a_wrong_answer() -> None:
+def test_verdict_of_a_wrong_answer_names_the_error() -> None:
     wrong = Outcome("one_hidden", "kr30", 0, {"backlash 2"}, added={"backlash 3"}, verdict="nothing_missing")
     assert verdict_of(wrong) == "missed"
     extra = replace(wrong, added={"backlash 2", "warm_up"})
@@ -177,7 +177,7 @@ def test_the_judge_knows_a_wrong_answer() -> None:
     assert verdict_of(squeezed) == "explained away"
 
 
-def test_of_a_pair_the_judge_tells_what_was_said() -> None:
+def test_pair_answer_classifies_every_outcome() -> None:
     silent = Outcome("", "kr30", 0, {"hysteresis 2"}, verdict="nothing_missing")
     named = replace(silent, added={"hysteresis 2"})
     other = replace(silent, added={"backlash 2"}, sure={"backlash 2", "base_frame"})

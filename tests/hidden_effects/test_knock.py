@@ -1,4 +1,4 @@
-"""What happens to base or instrument while measuring, a knock or swings: no drift and no joint may be named for it."""
+"""Knocks and swings of base or instrument while measuring: no drift and no joint may be named for them."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def knocked(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Any, list[d
 
 
 @pytest.mark.full
-def test_a_knock_is_told_from_drifts(knocked: tuple[Any, list[dict[str, Any]]]) -> None:
+def test_knock_is_not_named_as_drift(knocked: tuple[Any, list[dict[str, Any]]]) -> None:
     before, hidden = knocked
     best, story = refine(before)
     assert [step["added"]["effect"] for step in story.steps[1:]] == [entry["effect"] for entry in hidden]
@@ -50,7 +50,7 @@ def test_a_knock_is_told_from_drifts(knocked: tuple[Any, list[dict[str, Any]]]) 
 
 
 @pytest.mark.full
-def test_a_zero_that_moved_is_no_knock(tmp_path: Path) -> None:
+def test_moved_joint_zero_is_not_reported_as_a_knock(tmp_path: Path) -> None:
     simulate({"arm": "kr30", "seed": 71, "poses": 200, "test_poses": 0, "hidden": []}, tmp_path)
     robot = load_robot(tmp_path / "robot.yaml")
     data = load_data(tmp_path / "data.csv", robot)
@@ -63,7 +63,7 @@ def test_a_zero_that_moved_is_no_knock(tmp_path: Path) -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize("hidden", [[], ["thermal_expansion"]])
-def test_air_that_comes_and_goes_is_no_joint_that_repeats_badly(hidden: list[Any], tmp_path: Path) -> None:
+def test_periodic_base_motion_is_not_joint_repeatability(hidden: list[Any], tmp_path: Path) -> None:
     simulate({"arm": "kr30", "seed": 101, "poses": 240, "test_poses": 0, "hidden": hidden}, tmp_path)
     robot = load_robot(tmp_path / "robot.yaml")
     data = load_data(tmp_path / "data.csv", robot)

@@ -1,4 +1,4 @@
-"""A fit with any of the later effects becomes a table that a device takes; what it cannot know is said."""
+"""A fit with any of the later effects exports to a table; effects that a device cannot know are listed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def run(*arguments: object) -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.startswith("later")])
-def test_a_fit_with_a_later_effect_becomes_a_table(kind: str, tmp_path: Path) -> None:
+def test_fit_with_a_later_effect_exports_to_a_table(kind: str, tmp_path: Path) -> None:
     case = hidden_cases(kind, KINDS[kind].arms[0], 20000)
     case.campaign.write(tmp_path)
     (tmp_path / "true.yaml").write_text(yaml.safe_dump(known_to_the_model(case.true_model)))

@@ -1,4 +1,4 @@
-"""Files with rounded figures or with every row twice, of arms on which nothing is missing."""
+"""Files with rounded figures or with every row twice, of arms whose model is complete."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ def hundredth_of_a_degree(angle_rad: float) -> float:
     return math.radians(round(math.degrees(angle_rad), 2))
 
 
-def test_angles_in_steps_of_a_hundredth_degree_are_no_structure(tmp_path: Path) -> None:
+def test_rounded_angles_are_reported_as_noise_not_structure(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, rounded("q1 q2 q3 q4 q5 q6", hundredth_of_a_degree))
     assert found["verdict"] == "nothing_missing"
     assert any("joint angles in steps of 0.01 deg" in sentence for sentence in found["advice"])
-    # A step of 0.01 degrees scatters as 0.01 / sqrt(12) degrees.
+    # Rounding to 0.01 degrees has a standard deviation of 0.01 / sqrt(12) degrees.
     assert found["noise"]["joints_urad"][:3] == pytest.approx([50.4] * 3, rel=0.1)
     assert found["noise"]["reading_um"] == pytest.approx(10.0, rel=0.1)
 
 
-def test_positions_to_a_tenth_of_a_millimetre_are_not_without_noise(tmp_path: Path) -> None:
+def test_rounded_positions_do_not_give_a_zero_noise_floor(tmp_path: Path) -> None:
     # Repeats that are rounded alike agree to the last digit.
     found = diagnosed(tmp_path, rounded("x y z", lambda value_m: round(value_m, 4)), 4e-6)
     assert found["verdict"] == "nothing_missing"
@@ -57,7 +57,7 @@ def test_positions_to_a_tenth_of_a_millimetre_are_not_without_noise(tmp_path: Pa
 
 
 @pytest.mark.parametrize("without", [pytest.param([], marks=pytest.mark.full), ["time", "repeat"]])
-def test_a_file_that_was_appended_twice_is_measured_once(without: list[str], tmp_path: Path) -> None:
+def test_duplicated_rows_count_once(without: list[str], tmp_path: Path) -> None:
     def twice(rows: list[Row]) -> list[Row]:
         return [{name: row[name] for name in row if name not in without} for row in rows] * 2
 

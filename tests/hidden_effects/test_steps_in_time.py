@@ -1,4 +1,4 @@
-"""What changes at one time, or turns back, while measuring is named for what it is; no effect takes its place."""
+"""Sudden changes and reversing drifts while measuring are named as such, and no effect is added for them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LOAD_KG = 8.0
 def fitted(
     plan: dict[str, Any], tmp_path: Path, change: Callable[[Columns, Campaign], None], without: str = ""
 ) -> Fit:
-    """A fit to a simulated campaign of which `change` alters the recorded columns, without the column `without`."""
+    """A fit to a simulated campaign whose columns `change` has altered, without the column `without`."""
     campaign = simulate(plan | {"test_poses": 5}, tmp_path)
     robot = load_robot(tmp_path / "robot.yaml")
     data = load_data(tmp_path / "data.csv", robot)
@@ -30,7 +30,7 @@ def fitted(
 
 
 def moved_reflectors(names: list[str]) -> Callable[[Columns, Campaign], None]:
-    """Reflectors of these names sit SHIFT_M aside in the second half; without names, the only one does."""
+    """Shift the reflectors of these names by SHIFT_M in the second half; without names, the only one."""
 
     def change(columns: Columns, campaign: Campaign) -> None:
         alone = {name: values for name, values in campaign.data.items() if name != "target"}
@@ -45,7 +45,7 @@ def moved_reflectors(names: list[str]) -> Callable[[Columns, Campaign], None]:
 
 
 @pytest.mark.full
-def test_a_reflector_that_moved_is_no_effect_of_the_arm(tmp_path: Path) -> None:
+def test_moved_reflector_is_not_named_as_an_arm_effect(tmp_path: Path) -> None:
     before = fitted({"arm": "kr30", "seed": 82, "poses": 160, "hidden": []}, tmp_path, moved_reflectors([]))
     best, story = refine(before)
     assert [step["added"]["effect"] for step in story.steps[1:]] == []
@@ -60,7 +60,7 @@ def test_a_reflector_that_moved_is_no_effect_of_the_arm(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("names", "coordinate", "column"), [(["A", "B", "C"], "tool.t", "nest"), (["B"], "tool[1].t", "target")]
 )
-def test_of_several_reflectors_those_that_moved_are_named(
+def test_moved_reflectors_among_several_are_named(
     names: list[str], coordinate: str, column: str, tmp_path: Path
 ) -> None:
     plan = {"arm": "kr30", "seed": 83, "poses": 70, "hidden": [], "targets": {"names": ["A", "B", "C"]}}
@@ -70,7 +70,7 @@ def test_of_several_reflectors_those_that_moved_are_named(
 
 
 @pytest.mark.full
-def test_a_drift_that_turns_back_is_no_knock(tmp_path: Path) -> None:
+def test_reversing_drift_is_not_reported_as_a_knock(tmp_path: Path) -> None:
     def drift(columns: Columns, campaign: Campaign) -> None:
         time = columns["time"]
         for axis, by in zip("xyz", (1e-4, -6e-5, 8e-5), strict=True):
@@ -87,7 +87,7 @@ def test_a_drift_that_turns_back_is_no_knock(tmp_path: Path) -> None:
 
 
 def loaded_half_way(columns: Columns, campaign: Campaign) -> None:
-    """The tool carries LOAD_KG in the second half, which the column payload does not say."""
+    """The tool carries LOAD_KG in the second half, which the column payload does not record."""
     table = {name: values for name, values in campaign.data.items() if name not in ("x", "y", "z")}
     loads = [table | {"payload": np.full(len(columns["x"]), mass)} for mass in (0.0, LOAD_KG)]
     empty, loaded = (campaign.arm.true_pose(campaign.q, load)[1] for load in loads)
@@ -98,7 +98,7 @@ def loaded_half_way(columns: Columns, campaign: Campaign) -> None:
 
 @pytest.mark.quick("no column payload")
 @pytest.mark.parametrize("without", ["payload", ""], ids=["no column payload", "payload said to be none"])
-def test_a_load_that_nobody_recorded_is_no_knock(without: str, tmp_path: Path) -> None:
+def test_unrecorded_load_is_not_reported_as_a_knock(without: str, tmp_path: Path) -> None:
     plan = {"arm": "kr30", "seed": 110, "poses": 160, "hidden": [], "payloads": [0.0]}
     last = diagnose(fitted(plan, tmp_path, loaded_half_way, without))
     assert last["unexplained"][0]["shape"].startswith("a step under load")
@@ -108,7 +108,7 @@ def test_a_load_that_nobody_recorded_is_no_knock(without: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("payloads", [[0.0], [0.0, LOAD_KG]])
-def test_a_knock_may_be_a_load_only_where_none_is_recorded(payloads: list[float], tmp_path: Path) -> None:
+def test_knock_may_be_a_load_only_if_none_is_recorded(payloads: list[float], tmp_path: Path) -> None:
     def knock(columns: Columns, campaign: Campaign) -> None:
         columns["z"] = columns["z"] + np.where(columns["time"] > np.median(columns["time"]), 3e-4, 0.0)
 
@@ -119,7 +119,7 @@ def test_a_knock_may_be_a_load_only_where_none_is_recorded(payloads: list[float]
 
 
 @pytest.mark.full
-def test_a_product_of_two_angles_is_as_large_as_it_is_anywhere(tmp_path: Path) -> None:
+def test_stated_size_of_a_product_of_angles_is_its_full_range(tmp_path: Path) -> None:
     product = {
         **{"effect": "custom", "name": "odd", "coordinate": "motor1", "joints": [1, 2]},
         **{"expression": "sin(q1)*q2", "value": 1e-4},
@@ -150,7 +150,7 @@ def test_headline_and_advice_agree_on_rounded_angles(tmp_path: Path) -> None:
     assert not any("what is left is noise" in sentence for sentence in last["advice"])
 
 
-def test_headline_and_advice_agree_where_only_reflectors_tell_the_noise(tmp_path: Path) -> None:
+def test_headline_and_advice_agree_without_repeats(tmp_path: Path) -> None:
     plan = {"arm": "kr30", "seed": 84, "poses": 70, "hidden": [], "targets": {"names": ["A", "B", "C"]}}
     last = diagnose(fitted(plan | {"repeats": {"poses": 0, "times": 0}}, tmp_path, lambda *_: None))
     assert last["noise_floor_source"] == "none"

@@ -1,4 +1,4 @@
-"""Campaigns that were diagnosed wrongly once, and what had led the search astray."""
+"""Campaigns that were once diagnosed wrongly, and the cause of each error."""
 
 from __future__ import annotations
 
@@ -49,19 +49,19 @@ CASES = [
 @pytest.mark.parametrize(
     ("kind", "arm", "seed", "wrong"), CASES, ids=[f"{k}-{a}-{s}" for k, a, s, _ in CASES]
 )
-def test_it_is_right_now(kind: str, arm: str, seed: int, wrong: str) -> None:
+def test_once_wrong_campaign_is_diagnosed_right(kind: str, arm: str, seed: int, wrong: str) -> None:
     outcome = run_case(kind, arm, seed, Settings(reference=False))
     assert verdict_of(outcome) == "right", f"again: {wrong}? {outcome}"
 
 
-def test_a_smooth_table_is_not_sure_where_a_wave_explains_as_much() -> None:
-    # The table was said with 1.000: what seldom changes in the search was never set against waves.
+def test_smooth_table_is_uncertain_if_a_wave_fits_as_well() -> None:
+    # The table was stated with 1.000: terms that seldom change in the search were never compared with waves.
     outcome = run_case("one_hidden", "kr30", 21001, Settings(reference=False))
     assert [told for told, true in outcome.said if told >= 0.9 and not true] == []
 
 
-def test_bumped_reflectors_do_not_lead_a_search_astray() -> None:
-    # Reflectors bumped by millimetres hid the balancer's valley from its search, and from the true model's as well.
+def test_bumped_reflectors_do_not_hide_the_balancer() -> None:
+    # Reflectors bumped by millimetres hid the balancer's minimum from its search, and from the true model's as well.
     outcome = run_case("gross_errors", "kr30", 600, Settings(reference=True))
     assert verdict_of(outcome) == "right", outcome
     assert 0.95 < outcome.error_ratio <= 1.05

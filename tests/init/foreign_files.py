@@ -1,4 +1,4 @@
-"""A simulated campaign as columns, files of any columns, and what init makes of them in this process."""
+"""A simulated campaign as columns, files of any columns, and the result of init on them, run in this process."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ JOINTS = [f"q{k}" for k in range(1, 7)]
 
 @dataclass
 class Campaign:
-    """`joints` [rad], `points` [m] as a tracker measured them; `own` (N, 4, 4): the tool's pose as the arm's controller
-    reckons it, with nominal kinematics, in the robot's base.
+    """`joints` [rad], `points` [m] as a tracker measured them; `own` (N, 4, 4): the tool's pose in the robot's base
+    as the arm's controller computes it, by nominal kinematics.
     """
 
     robot: Path
@@ -60,7 +60,7 @@ def write(path: Path, columns: dict[str, Sequence[Any]]) -> Path:
 
 @dataclass
 class Read:
-    """What init said, in one line, the dataset.yaml it wrote, and the measurements that it reads."""
+    """The notes of init in one line, its findings, the dataset.yaml it wrote, and the measurements read by that."""
 
     said: str
     findings: list[Any]

@@ -1,4 +1,4 @@
-"""A controller's own pose beside what an instrument measured is left out: it is no second reflector."""
+"""A controller's own pose beside the points of an instrument is left out: it is not a second reflector."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from armtrue.io import load_data, load_robot
 from armtrue.tables.chain import chain_from_robot, pose
 from foreign_files import Campaign, named, read, write
 
-# As controllers and instruments name them; without a name the numbers must tell.
+# Column names of controllers and instruments; where they do not tell, the numbers decide.
 HEADERS = [
     (["TCP X", "TCP Y", "TCP Z"], ["Leica X", "Leica Y", "Leica Z"]),
     (["robot_x", "robot_y", "robot_z"], ["tracker_x", "tracker_y", "tracker_z"]),
@@ -35,12 +35,10 @@ def tracker_alone(found, points: np.ndarray) -> None:
 
 @pytest.mark.parametrize(("own", "measured"), HEADERS)
 @pytest.mark.parametrize("aligned", [False, pytest.param(True, marks=pytest.mark.full)])
-def test_a_pose_that_follows_nominal_kinematics_to_rounding_is_left_out(
-    tmp_path, campaign: Campaign, own, measured, aligned
-):
+def test_pose_of_nominal_kinematics_is_left_out(tmp_path, campaign: Campaign, own, measured, aligned):
     points = campaign.in_base() if aligned else campaign.points
     sets = [named(own, np.round(1e3 * campaign.own[:, :3, 3], 3)), named(measured, 1e3 * points)]
-    # Whichever stands first in the file.
+    # Each of the two comes first in one of the files.
     columns = sets[aligned] | sets[not aligned]
     found = read(campaign, tmp_path, write(tmp_path / "m.csv", campaign.joint_columns() | columns))
     tracker_alone(found, points)
@@ -49,8 +47,8 @@ def test_a_pose_that_follows_nominal_kinematics_to_rounding_is_left_out(
     assert ", ".join(measured) in found.said
 
 
-def test_rounded_joints_do_not_hide_it(tmp_path, campaign: Campaign):
-    """Shown to 0.01° and 0.01 mm, as on a pendant; the names say nothing."""
+def test_rounded_joints_do_not_hide_the_controller_pose(tmp_path, campaign: Campaign):
+    """Rounded to 0.01° and 0.01 mm, as on a pendant, under names that do not tell."""
     file = write(
         tmp_path / "m.csv",
         campaign.joint_columns(digits=2)
@@ -61,11 +59,11 @@ def test_rounded_joints_do_not_hide_it(tmp_path, campaign: Campaign):
 
 
 def calibrated(campaign: Campaign) -> np.ndarray:
-    """The pose by a controller that knows its arm: half of what the tracker finds is in it."""
+    """The position by a calibrated controller, which corrects half of the deviation that the tracker finds."""
     return (campaign.own[:, :3, 3] + campaign.in_base()) / 2.0
 
 
-def test_a_calibrated_controller_is_known_by_the_name_of_its_columns(tmp_path, campaign: Campaign):
+def test_calibrated_controller_pose_is_recognised_by_name(tmp_path, campaign: Campaign):
     file = write(
         tmp_path / "m.csv",
         campaign.joint_columns()
@@ -77,7 +75,7 @@ def test_a_calibrated_controller_is_known_by_the_name_of_its_columns(tmp_path, c
     assert "TCP X, TCP Y, TCP Z: not taken, as they are the controller's own pose by their name" in found.said
 
 
-def test_where_two_points_could_be_either_it_is_said_with_the_way_out(tmp_path, campaign: Campaign):
+def test_ambiguous_second_point_is_a_reflector_with_a_hint(tmp_path, campaign: Campaign):
     file = write(
         tmp_path / "m.csv",
         campaign.joint_columns()
@@ -96,7 +94,7 @@ def test_where_two_points_could_be_either_it_is_said_with_the_way_out(tmp_path, 
     np.testing.assert_allclose(data.positions_m, campaign.in_base(), atol=1e-8)
 
 
-def test_points_in_two_frames_without_a_name_that_tells_are_refused(tmp_path, campaign: Campaign):
+def test_points_in_two_frames_with_neutral_names_are_refused(tmp_path, campaign: Campaign):
     file = write(
         tmp_path / "m.csv",
         campaign.joint_columns()
@@ -110,8 +108,8 @@ def test_points_in_two_frames_without_a_name_that_tells_are_refused(tmp_path, ca
     assert not (tmp_path / "arm").exists()
 
 
-def test_reflectors_without_any_error_stay_reflectors(tmp_path, campaign: Campaign):
-    """Of a simulation: all follow nominal kinematics exactly, and none is more of a controller's than the other."""
+def test_error_free_reflectors_stay_reflectors(tmp_path, campaign: Campaign):
+    """Simulated reflectors: both follow nominal kinematics exactly, so neither is the controller's pose."""
     other = campaign.own[:, :3, :3] @ [0.1, 0.0, 0.05] + campaign.own[:, :3, 3]
     file = write(
         tmp_path / "m.csv",
@@ -122,9 +120,7 @@ def test_reflectors_without_any_error_stay_reflectors(tmp_path, campaign: Campai
     assert read(campaign, tmp_path, file).data.labels["target"] == ["SMR1", "SMR2"]
 
 
-def test_the_controllers_pose_in_the_file_of_joints_is_no_reflector_beside_the_trackers_file(
-    tmp_path, campaign: Campaign
-):
+def test_controller_pose_in_the_joints_file_is_left_out(tmp_path, campaign: Campaign):
     log = write(
         tmp_path / "log.csv",
         campaign.joint_columns() | named(["X", "Y", "Z"], np.round(1e3 * campaign.own[:, :3, 3], 3)),
@@ -139,7 +135,7 @@ def test_the_controllers_pose_in_the_file_of_joints_is_no_reflector_beside_the_t
     ("point", "angles"),
     [(["TCP X", "TCP Y", "TCP Z"], ["TCP RX", "TCP RY", "TCP RZ"]), (["X", "Y", "Z"], ["A", "B", "C"])],
 )
-def test_its_orientation_goes_with_it(tmp_path, campaign: Campaign, point, angles):
+def test_orientation_of_the_controller_pose_is_left_out(tmp_path, campaign: Campaign, point, angles):
     turned = np.degrees(euler(campaign.own, "zyx"))
     file = write(
         tmp_path / "m.csv",
@@ -153,7 +149,7 @@ def test_its_orientation_goes_with_it(tmp_path, campaign: Campaign, point, angle
     assert f"{', '.join(angles)}: not taken, as they are the controller's own pose" in found.said
 
 
-def test_the_orientation_of_the_instrument_is_taken_and_not_the_controllers(tmp_path, campaign: Campaign):
+def test_instrument_orientation_is_taken_not_the_controllers(tmp_path, campaign: Campaign):
     spec = load_robot(campaign.robot).spec
     chain = chain_from_robot(spec)
     turned = pose(spec["base"]) @ chain.tool_poses(campaign.joints + 1e-3, pose(spec["tool"]))
@@ -169,7 +165,7 @@ def test_the_orientation_of_the_instrument_is_taken_and_not_the_controllers(tmp_
     assert found.dataset["rotation"]["columns"] == ["RX", "RY", "RZ"], found.said
 
 
-def test_points_that_are_alone_are_taken_and_said_to_err_by_nothing(tmp_path, campaign: Campaign):
+def test_nominal_points_alone_are_taken_with_a_note(tmp_path, campaign: Campaign):
     file = write(
         tmp_path / "m.csv",
         campaign.joint_columns() | named(["X", "Y", "Z"], np.round(1e3 * campaign.own[:, :3, 3], 3)),
@@ -179,7 +175,7 @@ def test_points_that_are_alone_are_taken_and_said_to_err_by_nothing(tmp_path, ca
     assert "as a controller's own pose does and no measured arm" in found.said
 
 
-def test_a_tcp_pose_counted_by_number_is_no_reflector_and_no_variable(tmp_path, campaign: Campaign):
+def test_numbered_tcp_pose_columns_are_left_out(tmp_path, campaign: Campaign):
     file = write(
         tmp_path / "m.csv",
         {f"actual_q_{k}": column for k, column in enumerate(campaign.joints.T)}

@@ -1,4 +1,4 @@
-"""Clocks as programs and spreadsheets write them: each is read, or it is said why not."""
+"""Clock formats of programs and spreadsheets: each is read, or the reason is stated why not."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from armtrue.errors import InputError
 from foreign_files import Campaign, named, read, write
 
 BEGIN = datetime.datetime(2020, 7, 14, 16, 39, 4)
-# Rows of a session of two days: seconds that do not repeat themselves.
+# Times of the rows of a two-day session [s], at irregular intervals.
 SECONDS = np.cumsum(np.random.default_rng(5).integers(600, 3500, 80)).astype(float)
 STAMPS = [BEGIN + datetime.timedelta(seconds=second) for second in SECONDS]
 
@@ -62,7 +62,7 @@ QUICK = ("zone", "half days", "Unix ms", "Excel")
 @pytest.mark.parametrize(
     "form", [form if form in QUICK else pytest.param(form, marks=pytest.mark.full) for form in FORMS]
 )
-def test_a_clock_in_every_form(tmp_path, campaign: Campaign, form):
+def test_clock_of_every_format_is_read(tmp_path, campaign: Campaign, form):
     header, written, within = FORMS[form]
     found = read(campaign, tmp_path, file_of(campaign, tmp_path, **{header: map(written, STAMPS)}))
     np.testing.assert_allclose(times(found), SECONDS - SECONDS[0], atol=within + 1e-6)
@@ -78,7 +78,7 @@ def test_a_clock_in_every_form(tmp_path, campaign: Campaign, form):
     ],
 )
 @pytest.mark.parametrize("form", ["%m/%d/%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%m-%d-%Y %H:%M"])
-def test_the_order_of_day_and_month_is_that_of_the_shorter_session(tmp_path, campaign, begin, form):
+def test_day_month_order_of_the_shorter_session_is_taken(tmp_path, campaign, begin, form):
     stamps = [begin + datetime.timedelta(minutes=int(60 * at)) for at in range(80)]
     found = read(campaign, tmp_path, file_of(campaign, tmp_path, Stamp=[f"{s:{form}}" for s in stamps]))
     np.testing.assert_allclose(times(found), 3600.0 * np.arange(80))
@@ -88,7 +88,7 @@ def test_the_order_of_day_and_month_is_that_of_the_shorter_session(tmp_path, cam
     )
 
 
-def test_the_order_of_day_and_month_in_which_rows_are_in_order_of_time(tmp_path, campaign):
+def test_day_month_order_that_sorts_the_rows_is_taken(tmp_path, campaign):
     """12 November, 1 and 2 December; with the day first they would be 11 December, 12 January and 12 February."""
     stamps = ["11/12/2020 10:00", "12/01/2020 10:00", "12/02/2020 10:00"]
     cells = [f"{stamp}:{at:02d}" for stamp in stamps for at in range(27)][:80]
@@ -97,7 +97,7 @@ def test_the_order_of_day_and_month_in_which_rows_are_in_order_of_time(tmp_path,
     assert "as the rows are then in order of time, which goes back 1 times" in found.said
 
 
-def test_where_nothing_tells_day_from_month_it_is_said(tmp_path, campaign):
+def test_undecidable_day_month_order_is_noted(tmp_path, campaign):
     found = read(
         campaign,
         tmp_path,
@@ -129,7 +129,7 @@ def test_date_and_time_in_two_columns_are_joined(tmp_path, campaign, date, time)
     assert "Date, Time: date and time of day are joined" in found.said
 
 
-def test_date_and_time_in_the_file_of_the_joints_keep_its_rows_in_order(tmp_path, campaign):
+def test_date_and_time_of_the_joints_file_keep_the_row_order(tmp_path, campaign):
     numbers = range(len(STAMPS))
     joints = write(
         tmp_path / "joints.csv",
@@ -148,7 +148,7 @@ def test_date_and_time_in_the_file_of_the_joints_keep_its_rows_in_order(tmp_path
     np.testing.assert_allclose(times(found), SECONDS - SECONDS[0])
 
 
-def test_stamps_of_a_spreadsheet_with_fractions_and_its_dates(tmp_path, campaign):
+def test_spreadsheet_dates_with_fractional_seconds_are_read(tmp_path, campaign):
     book = openpyxl.Workbook()
     table = campaign.joint_columns() | named(["X", "Y", "Z"], 1e3 * campaign.points)
     book.active.append(["Stamp", *table])
@@ -174,14 +174,14 @@ def test_stamps_of_a_spreadsheet_with_fractions_and_its_dates(tmp_path, campaign
         ),
     ],
 )
-def test_what_is_not_used_is_said_with_why(tmp_path, campaign, columns, why):
+def test_unused_clock_column_is_named_with_the_reason(tmp_path, campaign, columns, why):
     found = read(campaign, tmp_path, file_of(campaign, tmp_path, **columns))
     assert "time" not in found.data.columns
     assert why in found.said
 
 
 def two_files(campaign, where, kept, ahead=0.0, seconds=SECONDS, form="{:%Y-%m-%d %H:%M:%S}"):
-    """Joints of all rows, and points of the rows `kept` by a clock that is `ahead`."""
+    """A file of the joints of all rows, and one of the points of the rows `kept`, its clock `ahead` by seconds."""
     begin = [BEGIN + datetime.timedelta(seconds=float(second)) for second in seconds]
     joints = write(where / "joints.csv", {"time": map(form.format, begin), **campaign.joint_columns()})
     shifted = [begin[at] + datetime.timedelta(seconds=ahead) for at in kept]
@@ -201,7 +201,7 @@ MISSING = [at for at in range(80) if at not in (17, 40, 41)]
         (list(range(80)), 37.0, "row by row, and by their clocks"),
     ],
 )
-def test_files_that_both_have_clocks_are_paired_by_them(tmp_path, campaign, kept, ahead, words):
+def test_two_files_are_paired_by_their_clocks(tmp_path, campaign, kept, ahead, words):
     found = read(campaign, tmp_path, *two_files(campaign, tmp_path, kept, ahead))
     assert words in found.said
     order = np.array(sorted(kept))
@@ -211,7 +211,7 @@ def test_files_that_both_have_clocks_are_paired_by_them(tmp_path, campaign, kept
         assert "left out: row 19, 42, 43 of joints.csv, without a partner" in found.said
 
 
-def test_clocks_that_tick_evenly_and_are_set_differently_tell_nothing(tmp_path, campaign):
+def test_even_clocks_with_an_offset_do_not_pair_rows(tmp_path, campaign):
     even = 10.0 * np.arange(80)
     files = two_files(campaign, tmp_path, list(range(79)), 37.0, even)
     with pytest.raises(InputError, match=r"tracker.csv: found 79 rows where .* in more than one way"):
@@ -220,7 +220,7 @@ def test_clocks_that_tick_evenly_and_are_set_differently_tell_nothing(tmp_path, 
     assert "row by row, as their clocks fit one another in more than one way" in found.said
 
 
-def test_points_find_their_rows_in_a_record_of_the_whole_motion(tmp_path, campaign):
+def test_points_are_paired_with_a_log_of_the_whole_motion(tmp_path, campaign):
     every = 0.5 * np.arange(20 * 80)
     at = np.minimum((every / 10.0).astype(int), 79)
     stamps = [BEGIN + datetime.timedelta(seconds=float(second)) for second in every]

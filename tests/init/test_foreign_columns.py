@@ -1,4 +1,4 @@
-"""Each column is read by its own header and its own figures, and what is left out is named as what it is."""
+"""Each column is read by its own header and figures; each omitted column is named with its meaning."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FACTOR = {"mm": 1e3, "cm": 1e2, "m": 1.0, "deg": 180.0 / np.pi, "rad": 1.0}
 
 
 def turned(campaign: Campaign) -> np.ndarray:
-    """Poses of the tool in the measuring frame, near to what the arm does."""
+    """Tool poses in the measuring frame by nominal kinematics, with every joint 1 mrad off."""
     spec = load_robot(campaign.robot).spec
     chain = chain_from_robot(spec)
     return pose(spec["base"]) @ chain.tool_poses(campaign.joints + 1e-3, pose(spec["tool"]))
@@ -29,7 +29,7 @@ def test_each_axis_of_a_point_has_the_unit_of_its_own_header(tmp_path, campaign,
     }
     file = write(tmp_path / "m.csv", campaign.joint_columns() | columns)
     if with_comment:
-        # The table is then written anew, as no dataset.yaml can describe the file.
+        # init then rewrites the table, because no dataset.yaml can describe the file.
         file.write_text("# of an instrument\n" + file.read_text())
     found = read(campaign, tmp_path, file)
     np.testing.assert_allclose(found.data.positions_m, campaign.points, atol=1e-8)
@@ -50,7 +50,7 @@ def test_each_angle_has_the_unit_of_its_own_header(tmp_path, campaign, units):
     assert "as they then follow the arm within" in found.said
 
 
-def test_a_unit_that_a_point_cannot_have_is_refused_by_name(tmp_path, campaign):
+def test_point_column_in_degrees_is_refused_by_name(tmp_path, campaign):
     columns = named(["X [mm]", "Y [mm]", "Z [deg]"], 1e3 * campaign.points)
     file = write(tmp_path / "m.csv", campaign.joint_columns() | columns)
     with pytest.raises(InputError, match=r"found column 'Z \[deg\]' in deg, expected a unit of length"):
@@ -81,7 +81,7 @@ def _skew(one: np.ndarray) -> list[float]:
 
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("before", [False, pytest.param(True, marks=pytest.mark.full)])
-def test_a_quaternion_q0_to_q3_beside_j1_to_j6_is_no_joint(tmp_path, campaign, first, before):
+def test_quaternion_named_like_joints_is_not_read_as_joints(tmp_path, campaign, first, before):
     names = [f"q{k}" for k in range(first, first + 4)]
     sets = [named(names, quaternions(campaign)), campaign.joint_columns()]
     columns = sets[not before] | sets[before] | named(["x", "y", "z"], campaign.points)
@@ -90,8 +90,8 @@ def test_a_quaternion_q0_to_q3_beside_j1_to_j6_is_no_joint(tmp_path, campaign, f
     assert found.dataset["rotation"] == {"form": "quaternion", "columns": names, "order": "wxyz"}
 
 
-def test_joints_by_several_names_are_taken_from_one_of_them(tmp_path, campaign):
-    """J1 … J6 and q1 … q6 are the same joints twice; neither is a quaternion and another two joints."""
+def test_joints_under_two_names_are_read_once(tmp_path, campaign):
+    """J1 … J6 and q1 … q6 are the same joints twice; neither set is a quaternion and two joints."""
     columns = campaign.joint_columns() | named([f"q{k}" for k in range(1, 7)], campaign.joints)
     found = read(
         campaign, tmp_path, write(tmp_path / "m.csv", columns | named(["x", "y", "z"], campaign.points))
@@ -115,19 +115,19 @@ WARM = 20.0 + 0.1 * np.arange(80)
         ("T2", 273.15 + WARM, "temp_t2"),
     ],
 )
-def test_thermometers_by_other_names(tmp_path, campaign, header, values, name):
+def test_thermometer_is_recognised_by_other_names(tmp_path, campaign, header, values, name):
     columns = campaign.joint_columns() | named(["x", "y", "z"], campaign.points) | {header: values}
     found = read(campaign, tmp_path, write(tmp_path / "m.csv", columns))
     np.testing.assert_allclose(found.data.columns[name], WARM, atol=1e-6)
 
 
-def test_a_column_t1_that_holds_no_temperatures_is_a_variable(tmp_path, campaign):
+def test_column_t1_without_temperatures_is_a_variable(tmp_path, campaign):
     columns = campaign.joint_columns() | named(["x", "y", "z"], campaign.points)
     file = write(tmp_path / "m.csv", columns | {"T1": 900.0 * np.sin(np.arange(80))})
     assert read(campaign, tmp_path, file).dataset["variables"] == {"T1": "T1"}
 
 
-def test_a_mark_for_a_missing_temperature_is_no_temperature(tmp_path, campaign):
+def test_missing_value_mark_is_refused_as_a_temperature(tmp_path, campaign):
     values = [-999 if at == 7 else 20 + 0.1 * at for at in range(80)]
     columns = campaign.joint_columns() | named(["x", "y", "z"], campaign.points)
     file = write(tmp_path / "m.csv", columns | {"temp_arm": values})
@@ -139,7 +139,7 @@ def test_a_mark_for_a_missing_temperature_is_no_temperature(tmp_path, campaign):
     assert found.data.count == 79
 
 
-def test_a_thermometer_that_was_off_is_left_out(tmp_path, campaign):
+def test_thermometer_with_few_values_is_left_out(tmp_path, campaign):
     columns = campaign.joint_columns() | named(["x", "y", "z"], campaign.points)
     values = [21.0 if at < 3 else -9999.0 for at in range(80)]
     found = read(campaign, tmp_path, write(tmp_path / "m.csv", columns | {"temp_arm": values}))
@@ -148,7 +148,7 @@ def test_a_thermometer_that_was_off_is_left_out(tmp_path, campaign):
     )
 
 
-def test_deviations_are_named_as_what_they_are_and_left_out(tmp_path, campaign):
+def test_deviations_from_nominal_are_named_and_left_out(tmp_path, campaign):
     actual, nominal = 1e3 * campaign.points, np.round(1e3 * campaign.points)
     columns = (
         campaign.joint_columns()
@@ -164,7 +164,7 @@ def test_deviations_are_named_as_what_they_are_and_left_out(tmp_path, campaign):
     np.testing.assert_allclose(found.data.positions_m, campaign.points, atol=1e-8)
 
 
-def test_deviations_without_what_they_deviate_from(tmp_path, campaign):
+def test_deviations_without_nominal_columns_are_left_out(tmp_path, campaign):
     columns = campaign.joint_columns() | named(["x", "y", "z"], campaign.points)
     file = write(tmp_path / "m.csv", columns | named(["dX", "dY", "dZ"], campaign.points**2))
     found = read(campaign, tmp_path, file)

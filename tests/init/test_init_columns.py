@@ -40,7 +40,7 @@ def table(rows: list[dict[str, str]], **more: Any) -> list[list[str]]:
 
 
 def init(folder: Path, where: Path, lines: list[list[str]], *options: str) -> tuple[str, dict[str, Any]]:
-    """Run init on `lines`; return what it says, in one line, and its dataset.yaml."""
+    """Run init on `lines`; return its output in one line, and its dataset.yaml."""
     (where / "data.csv").write_text("\n".join(",".join(line) for line in lines) + "\n")
     robot = str(folder / "robot.yaml")
     run = armtrue("init", "data.csv", "--robot", robot, "--out", "arm", *options, cwd=where)
@@ -48,7 +48,7 @@ def init(folder: Path, where: Path, lines: list[list[str]], *options: str) -> tu
     return " ".join(run.stdout.split()), yaml.safe_load((where / "arm" / "dataset.yaml").read_text())
 
 
-def test_columns_of_no_meaning_are_variables_or_named_with_the_reason(folder, tmp_path, rows):
+def test_unknown_columns_are_variables_or_named_with_the_reason(folder, tmp_path, rows):
     count = range(len(rows))
     lines = table(
         rows,
@@ -74,7 +74,7 @@ def test_columns_of_no_meaning_are_variables_or_named_with_the_reason(folder, tm
     np.testing.assert_array_equal(data.columns["speed_pct"][:4], [10, 11, 12, 10])
 
 
-def test_stations_that_have_names_are_numbered(folder, tmp_path, rows):
+def test_named_stations_are_numbered(folder, tmp_path, rows):
     words, _ = init(folder, tmp_path, table(rows, Station=["BA"[at // 30] for at in range(len(rows))]))
     assert "Station: B is station 1, A is station 2" in words
     data = load_data(tmp_path / "arm" / "dataset.yaml", load_robot(tmp_path / "arm" / "robot.yaml"))
@@ -82,7 +82,7 @@ def test_stations_that_have_names_are_numbered(folder, tmp_path, rows):
 
 
 @pytest.mark.parametrize("transposed", [False, True])
-def test_rotation_matrices_are_taken(folder, tmp_path, rows, transposed):
+def test_rotation_matrix_columns_are_read(folder, tmp_path, rows, transposed):
     robot = load_robot(folder / "robot.yaml")
     chain = chain_from_robot(robot.spec)
     joints = np.array([[float(row[name]) for name in JOINTS] for row in rows])
@@ -100,7 +100,7 @@ def test_rotation_matrices_are_taken(folder, tmp_path, rows, transposed):
     assert "R11: not taken" not in words
 
 
-def test_a_row_with_an_empty_cell_is_left_out_on_request(folder, tmp_path, rows):
+def test_row_with_an_empty_cell_is_left_out_with_skip_bad(folder, tmp_path, rows):
     cells = [f"{20 + 0.1 * at:.1f}" for at in range(len(rows))]
     cells[4] = ""
     lines = table(rows, temp_arm=cells)
@@ -119,7 +119,7 @@ def test_a_row_with_an_empty_cell_is_left_out_on_request(folder, tmp_path, rows)
     assert check.returncode == 0, check.stdout + check.stderr
 
 
-def test_marks_between_thousands_are_taken_out(folder, tmp_path, rows):
+def test_thousands_separators_are_removed(folder, tmp_path, rows):
     lines = [[*JOINTS, *(f"{axis} [mm]" for axis in "xyz")]]
     for row in rows:
         points = [f'"{1000 * float(row[axis]) + 5000:,.4f}"' for axis in "xyz"]
@@ -133,13 +133,13 @@ def test_marks_between_thousands_are_taken_out(folder, tmp_path, rows):
 
 @pytest.mark.quick("Wann")
 @pytest.mark.parametrize("header", ["Zeitstempel", "Wann", "Temperaturzeit", "Datum"])
-def test_clock_times_are_the_time_whatever_their_header(folder, tmp_path, rows, header):
+def test_clock_times_are_recognised_under_any_header(folder, tmp_path, rows, header):
     clock = [f"29.03.2025 {22 + at // 60}:{at % 60:02d}:00" for at in range(len(rows))]
     _, dataset = init(folder, tmp_path, table(rows, **{header: clock}))
     assert dataset["time"] == {"column": header, "format": "%d.%m.%Y %H:%M:%S"}
 
 
-def test_column_that_is_mostly_no_number_is_named_whatever_is_skipped(folder, tmp_path, rows):
+def test_mostly_non_numeric_column_is_refused_with_skip_bad(folder, tmp_path, rows):
     lines = table(rows, temp_arm=["n/a"] * len(rows))
     (tmp_path / "data.csv").write_text("\n".join(",".join(line) for line in lines) + "\n")
     robot = str(folder / "robot.yaml")
@@ -147,7 +147,7 @@ def test_column_that_is_mostly_no_number_is_named_whatever_is_skipped(folder, tm
     assert "row 2 column temp_arm: found 'n/a', expected a number, as in most of the rows" in refused.stderr
 
 
-def test_reflectors_and_repeats_that_have_columns_survive_joining(folder, tmp_path, rows):
+def test_reflector_and_repeat_columns_survive_rewriting(folder, tmp_path, rows):
     twice = [row for row in rows for _ in range(2)]
     count = range(len(twice))
     lines = table(
@@ -163,13 +163,13 @@ def test_reflectors_and_repeats_that_have_columns_survive_joining(folder, tmp_pa
     assert len(data.labels["repeat"]) == len(rows), words
 
 
-def test_a_column_that_counts_repetitions_is_no_name_of_a_pose(folder, tmp_path, rows):
+def test_repetition_counter_is_not_taken_as_column_repeat(folder, tmp_path, rows):
     words, dataset = init(folder, tmp_path, table(rows, rep=[1 + at % 3 for at in range(len(rows))]))
     assert "rep: not taken, as rows with the same name in it have different joints" in words
     assert "repeat" not in dataset["columns"]
 
 
-def test_joints_that_the_arm_has_not_are_named_and_too_few_are_refused(folder, tmp_path, rows):
+def test_extra_joints_are_named_and_too_few_are_refused(folder, tmp_path, rows):
     words, dataset = init(folder, tmp_path, table(rows, q7=range(len(rows)), dir8=[1] * len(rows)))
     assert "q7: not taken, as the arm has 6 joints" in words
     assert "dir8: not taken, as the arm has 6 joints" in words
@@ -181,7 +181,7 @@ def test_joints_that_the_arm_has_not_are_named_and_too_few_are_refused(folder, t
     assert "short.csv header: found 5 joints (q1, q2, q3, q4, q5), expected 6, as the arm has" in run.stderr
 
 
-def test_a_column_that_both_files_have_is_taken_once(folder, tmp_path, rows):
+def test_column_of_both_files_is_read_once(folder, tmp_path, rows):
     lines = table(rows, pose=range(len(rows)), humidity=[40 + at for at in range(len(rows))])
     joints = [[*line[:6], *line[9:]] for line in lines]
     points = [line[6:] for line in lines]

@@ -1,6 +1,6 @@
-"""Six files as instruments and controllers write them, from the file to a first diagnosis, and no editor between.
+"""Files as instruments and controllers write them, from the file to a first diagnosis without an editor.
 
-Each is built from a simulated campaign: what `init` reads must be as good a fit as the campaign itself gives.
+Each is built from a simulated campaign: the fit of the file must be as good as that of the campaign.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ def millimetres(row: dict[str, str]) -> list[str]:
 
 
 def run(where: Path, *words: str) -> str:
-    """A command as a person types it; it must end well."""
+    """Run a command, which must end with status 0; returns its output."""
     ran = run_forked(*words, cwd=where, timeout=PATIENCE_S)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     return ran.stdout
 
 
 def first_diagnosis(where: Path, *files: str) -> dict[str, Any]:
-    """init, every command that it says comes next, and diagnose. The fit's document with the diagnosis."""
+    """Run init, the next commands that it prints, and diagnose; return the fit's document with the diagnosis."""
     said = run(where, "init", *files, "--robot", "robot.yaml", "--out", "arm")
     commands = [shlex.split(line)[1:] for line in said.splitlines() if line.startswith("  armtrue ")]
     assert [command[0] for command in commands] == ["check", "fit"]
@@ -71,7 +71,7 @@ def first_diagnosis(where: Path, *files: str) -> dict[str, Any]:
 
 
 def as_well_as_the_campaign(where: Path, document: dict[str, Any]) -> None:
-    """The same model on the campaign in the contract's own form gives the same error, but for the digits cut off."""
+    """The same model fitted to the campaign's own data.csv gives the same error, except for rounding."""
     run(where, "fit", "simulated/data.csv", "-r", "robot.yaml", "-m", "arm/model.yaml", "-o", "own.json")
     own = json.loads((where / "own.json").read_text())
     assert document["data"]["rows"] == own["data"]["rows"]
@@ -79,7 +79,7 @@ def as_well_as_the_campaign(where: Path, document: dict[str, Any]) -> None:
     assert mean == pytest.approx(expected, rel=0.02)
 
 
-def test_wide_tracker_table_with_three_reflectors_named_above_x_y_z(tmp_path):
+def test_wide_table_of_three_named_reflectors_is_diagnosed(tmp_path):
     rows = simulated(tmp_path, REFLECTORS)
     names = REFLECTORS["targets"]["names"]
     lines = [
@@ -101,7 +101,7 @@ def test_wide_tracker_table_with_three_reflectors_named_above_x_y_z(tmp_path):
     as_well_as_the_campaign(tmp_path, document)
 
 
-def test_controller_log_of_joints_and_tracker_points_in_other_order(tmp_path):
+def test_joint_log_and_reordered_tracker_points_are_diagnosed(tmp_path):
     rows = simulated(tmp_path, PLAIN)
     log = ["timestamp actual_q_0 actual_q_1 actual_q_2 actual_q_3 actual_q_4 actual_q_5 point"]
     log += [
@@ -117,7 +117,7 @@ def test_controller_log_of_joints_and_tracker_points_in_other_order(tmp_path):
     as_well_as_the_campaign(tmp_path, document)
 
 
-def test_the_clock_of_the_points_counts_where_the_joints_have_none(tmp_path):
+def test_clock_of_the_points_is_used_if_the_joints_have_none(tmp_path):
     rows = simulated(tmp_path, PLAIN)
     joints = [",".join(["point", *(f"q{k}" for k in range(1, 7))])]
     joints += [",".join([str(at), *(row[f"q{k}"] for k in range(1, 7))]) for at, row in enumerate(rows)]
@@ -133,7 +133,7 @@ def test_the_clock_of_the_points_counts_where_the_joints_have_none(tmp_path):
     as_well_as_the_campaign(tmp_path, document)
 
 
-def test_degrees_and_millimetres_in_a_windows_file_with_units_in_its_header(tmp_path):
+def test_windows_file_with_units_in_its_header_is_diagnosed(tmp_path):
     rows = simulated(tmp_path, PLAIN)
     header = [
         *(f"A{k} [°]" for k in range(1, 7)),
@@ -151,7 +151,7 @@ def test_degrees_and_millimetres_in_a_windows_file_with_units_in_its_header(tmp_
     as_well_as_the_campaign(tmp_path, document)
 
 
-def test_semicolons_decimal_commas_a_german_clock_and_a_separator_at_the_end(tmp_path):
+def test_german_csv_with_trailing_separators_is_diagnosed(tmp_path):
     rows = simulated(tmp_path, PLAIN)
     begun = datetime.datetime(2026, 5, 3, 8, 0, 0)
     lines = ["Messprotokoll;Zelle 7", "Datum/Uhrzeit;Achse 1;Achse 2;Achse 3;Achse 4;Achse 5;Achse 6;X;Y;Z;"]
@@ -168,7 +168,7 @@ def test_semicolons_decimal_commas_a_german_clock_and_a_separator_at_the_end(tmp
 @pytest.mark.parametrize(
     ("names", "sequence"), [(("A", "B", "C"), "zyx"), (("W", "P", "R"), "xyz")], ids=["KUKA", "FANUC"]
 )
-def test_euler_angles_of_a_controller_are_read_as_it_means_them(tmp_path, names, sequence):
+def test_euler_angles_are_read_in_the_controllers_convention(tmp_path, names, sequence):
     rows = simulated(tmp_path, ORIENTED)
     lines = [",".join([*(f"J{k}" for k in range(1, 7)), "X", "Y", "Z", *names])]
     for row in rows:
@@ -198,7 +198,7 @@ def rotation(row: dict[str, str]) -> np.ndarray:
     ])  # fmt: skip
 
 
-def test_workbook_with_a_cover_sheet_dates_and_a_row_of_units(tmp_path):
+def test_workbook_with_cover_sheet_and_unit_row_is_diagnosed(tmp_path):
     rows = simulated(tmp_path, PLAIN)
     book = openpyxl.Workbook()
     book.active.title = "Cover"

@@ -1,4 +1,4 @@
-"""A URDF whose flange is kept level by joints that mimic others: a controller's file counts the motors alone."""
+"""A URDF whose flange is kept level by mimic joints: a controller's file has columns for the motors only."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DEGREE = math.pi / 180.0
 
 
 def urdf_of(joints: list[dict]) -> str:
-    """The palletiser of the simulator: two joints on one axis turn back what A2 and A3 turn."""
+    """The palletiser of the simulator: two mimic joints on one axis undo the rotations of A2 and A3."""
     parts, parent, turned = ['<robot name="pal"><link name="base"/>'], "base", 0.0
 
     def add(name: str, place: str, more: str) -> None:
@@ -41,7 +41,7 @@ def urdf_of(joints: list[dict]) -> str:
     return "".join([*parts, "</robot>"])
 
 
-def test_joints_that_mimic_others_need_no_columns(tmp_path: Path) -> None:
+def test_mimic_joints_need_no_columns(tmp_path: Path) -> None:
     simulate({"arm": "palletiser", "seed": 2, "poses": 60, "test_poses": 0}, tmp_path / "made")
     joints = yaml.safe_load((tmp_path / "made/robot.yaml").read_text())["kinematics"]["joints"]
     (tmp_path / "pal.urdf").write_text(urdf_of(joints))

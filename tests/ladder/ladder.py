@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 
 @dataclass
 class Level:
-    """One rung: distances (284,) [m] from where the model puts the tool, to where it is and to where it is measured."""
+    """One level: distances (284,) [m] from the predicted tool position to the exact and to the measured one."""
 
     name: str
     document: dict[str, Any]
@@ -52,7 +52,7 @@ class Level:
 
 @dataclass
 class Ladder:
-    """All rungs, and how far the arm misses its own mean place (284,) [m], tracker included."""
+    """All levels, and the arm's repeatability (284,) [m]: distances from its mean positions, tracker included."""
 
     campaign: armtrue_sim.Campaign
     levels: list[Level]
@@ -70,7 +70,7 @@ def positions(table: dict[str, Any]) -> Array:
 
 
 def climb(scenario: Path | dict[str, Any] = SCENARIO) -> Ladder:
-    """Fit level after level and try each on the test poses; then what `refine` makes of the kinematic level."""
+    """Fit level after level and try each on the test poses; then refine the kinematic level."""
     campaign = armtrue_sim.simulate(scenario)
     robot = json.dumps(campaign.robot)
     data, test = columns_of(campaign.data), columns_of(campaign.test)
@@ -98,7 +98,7 @@ def climb(scenario: Path | dict[str, Any] = SCENARIO) -> Ladder:
 
 
 def measure_again(campaign: armtrue_sim.Campaign) -> Array:
-    """The test poses as a tracker finds them when the drives repeat as they do: (284, 3) [m]."""
+    """Test positions (284, 3) [m] measured once more, with drive repeatability and tracker noise."""
     rng = np.random.default_rng(campaign.truth["seed"] + 1)
     q = joints_of(campaign.test, campaign.arm.chain.n)
     error = campaign.truth["drive_repeatability"] * rng.standard_normal(q.shape)
@@ -111,7 +111,7 @@ def measure_again(campaign: armtrue_sim.Campaign) -> Array:
 
 @dataclass
 class Comparison:
-    """Joint-space and Cartesian grids of equal node count on what the kinematic level leaves. Distances [m]."""
+    """Joint-space and Cartesian grids of equal node count on the residuals of the kinematic level. Distances [m]."""
 
     nodes: tuple[int, ...]
     before: Array
@@ -122,7 +122,7 @@ class Comparison:
 
 
 def compare_grids(ladder: Ladder) -> Comparison:
-    """Same data, same smoothing, same node count: sectors of rings against boxes."""
+    """Same data, smoothing and node count: fan-shaped cells of joint space against Cartesian boxes."""
     campaign, kinematic = ladder.campaign, ladder.levels[KINEMATIC]
     document = {**kinematic.document, "robot": campaign.robot}
     model = json.dumps(document)
@@ -202,7 +202,7 @@ def text_of(ladder: Ladder) -> str:
 
 
 def grids_told(comparison: Comparison) -> str:
-    """Why the grid is one over joint space: for who works on it."""
+    """Table for developers that shows why the product's grid is over joint space."""
     lines = [
         f"Joint-space against Cartesian grid, {'×'.join(map(str, comparison.nodes))} nodes, the same 400 poses, what "
         "the kinematic level leaves on the 284 others:",

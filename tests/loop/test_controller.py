@@ -1,4 +1,4 @@
-"""The loop's controller gets along with the compensator's rules, however slowly the machine runs."""
+"""The loop's controller keeps to the compensator's rules, however slowly the machine runs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ THERE = np.array([0.4, -1.3, 0.2, 0.6, 0.7, 0.5])
 
 @dataclass
 class Loop:
-    """Everything that runs."""
+    """The running controller, node and operator of the cell."""
 
     controller: Controller
     node: NodeUnderTest
@@ -54,7 +54,7 @@ def loop(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Loop]:
 
 
 @pytest.mark.quick("offset")
-def test_a_move_follows_a_pause_that_made_the_targets_stale(loop: Loop) -> None:
+def test_move_succeeds_after_the_targets_became_stale(loop: Loop) -> None:
     loop.controller.move(HERE, cycles=6, settle=2)
     time.sleep(1.5 * STALE_S)
     stale = loop.controller.compensator.sdo["Compensator status"]["Stale"].raw
@@ -67,7 +67,7 @@ def test_a_move_follows_a_pause_that_made_the_targets_stale(loop: Loop) -> None:
 def in_the_middle_of_a_move(
     loop: Loop, monkeypatch: pytest.MonkeyPatch, happen: Callable[[], None]
 ) -> list[int]:
-    """Let something happen once, before the 20th cycle from now; the list returned then holds the cycle's number."""
+    """Call `happen` once, before the 20th cycle from now; the returned list then holds that cycle's number."""
     cycle, begin, done = loop.controller.cycle, loop.controller.cycles, []
 
     def cycle_with_incident(targets: np.ndarray) -> bool:
@@ -81,7 +81,7 @@ def in_the_middle_of_a_move(
 
 
 @pytest.mark.full
-def test_a_machine_that_halts_for_seconds_changes_nothing(
+def test_move_completes_although_the_node_halts_for_seconds(
     loop: Loop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loop.controller.move(HERE, cycles=6, settle=2)
@@ -101,9 +101,7 @@ def test_a_machine_that_halts_for_seconds_changes_nothing(
 
 
 @pytest.mark.full
-def test_a_move_in_which_targets_were_withheld_is_made_again(
-    loop: Loop, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_move_with_withheld_targets_is_repeated(loop: Loop, monkeypatch: pytest.MonkeyPatch) -> None:
     loop.controller.move(HERE, cycles=6, settle=2)
     stranger = can.Message(arbitration_id=TARGET_IDS[0], data=bytes(8), is_extended_id=False)
     with can.Bus(interface="socketcan", channel=CONTROLLER_BUS) as bus:
@@ -116,7 +114,7 @@ def test_a_move_in_which_targets_were_withheld_is_made_again(
 
 
 @pytest.mark.quick("offset")
-def test_positions_come_back_as_commanded_and_temperatures_arrive(loop: Loop) -> None:
+def test_temperature_arrives_at_compensator_and_controller(loop: Loop) -> None:
     loop.operator.ask(wait=500.0)
     told = loop.operator.ask(wait=1.0)["temp_arm"]
     loop.controller.move(HERE, cycles=6, settle=2)
@@ -126,7 +124,7 @@ def test_positions_come_back_as_commanded_and_temperatures_arrive(loop: Loop) ->
 
 
 @pytest.mark.quick("inline")
-def test_drives_that_lost_power_are_brought_up_again(loop: Loop) -> None:
+def test_drives_are_enabled_again_after_a_loss_of_power(loop: Loop) -> None:
     loop.controller.move(HERE, cycles=6, settle=2)
     loop.operator.ask(fault="power")
     loop.controller.enable()
@@ -147,7 +145,7 @@ def held(loop: Loop) -> list[int]:
 
 @pytest.mark.full
 @pytest.mark.parametrize("loop", ["offset"], indirect=True)
-def test_offsets_outlive_a_dead_compensator_and_go_with_one_that_leaves(loop: Loop) -> None:
+def test_offsets_survive_a_stopped_node_and_end_on_pre_operational(loop: Loop) -> None:
     compensator = loop.controller.compensator
     loop.controller.disable()
     loop.controller.wait_until_quiet()

@@ -35,12 +35,12 @@ def test_controlwords_move_the_power_state(state: str, controlword: int, expecte
     assert next_state(state, controlword, fault_reset_edge=False) == expected
 
 
-def test_a_fault_ends_with_a_rising_edge_of_its_reset() -> None:
+def test_fault_ends_only_with_a_rising_edge_of_fault_reset() -> None:
     assert next_state("fault", 0x80, fault_reset_edge=True) == "switch on disabled"
     assert next_state("fault", 0x80, fault_reset_edge=False) == "fault"
 
 
-def test_statuswords_are_what_the_profile_reads() -> None:
+def test_statuswords_match_the_state_masks_of_canopen() -> None:
     for state, word in STATUS.items():
         read = [name for name, (mask, bits) in State402.SW_MASK.items() if word & mask == bits]
         assert read == [state.upper()]

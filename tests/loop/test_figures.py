@@ -1,4 +1,4 @@
-"""The loop fails where it misses what it must show, and its table and picture say what the figures do."""
+"""The loop fails if its figures miss what they must show; its table and picture give these figures."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_errors_are_distances_in_micrometres() -> None:
     assert errors(100.0).rms_um == pytest.approx(100.0 * np.sqrt(3.5 / 3.0))
 
 
-def test_a_loop_that_shows_what_it_must_falls_short_of_nothing() -> None:
+def test_loop_with_sufficient_figures_has_no_shortcomings() -> None:
     assert figures(exact_um=4.0 * 1.049).shortcomings() == []
 
 
@@ -56,7 +56,7 @@ def test_each_shortcoming_is_a_sentence(change: dict[str, object], words: str) -
 
 
 @pytest.mark.full
-def test_picture_and_section_say_the_figures(tmp_path: Path) -> None:
+def test_picture_and_section_contain_the_figures(tmp_path: Path) -> None:
     svg, png = draw(figures(), tmp_path)
     section = section_of(figures())
     assert "| 14.0 |" in section
@@ -65,7 +65,7 @@ def test_picture_and_section_say_the_figures(tmp_path: Path) -> None:
     assert png.read_bytes().startswith(b"\x89PNG")
 
 
-def test_test_poses_are_away_from_singularities_and_training_poses_anywhere() -> None:
+def test_only_test_poses_are_kept_away_from_singularities() -> None:
     scenario = Scenario.from_file(SCENARIO)
     arm = build_arm(scenario)
     training, test = make_plans(scenario, arm)

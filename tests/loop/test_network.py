@@ -1,4 +1,4 @@
-"""The loop's processes hear everything, however long they wait for a core."""
+"""The loop's processes lose no frame, however long they wait for a core."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FLOOD, LAST = 0x123, 0x124
 FRAMES = 5000
 
 
-def test_what_comes_behind_an_upload_is_heard_by_a_process_that_stood_still() -> None:
+def test_blocked_process_receives_a_frame_behind_5000_others() -> None:
     network = open_network(CONTROLLER_BUS)
     goes_on, heard = threading.Event(), threading.Event()
     network.subscribe(FLOOD, lambda *_: goes_on.wait())

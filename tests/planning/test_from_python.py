@@ -1,4 +1,4 @@
-"""The next poses, from Python."""
+"""Planning the next poses from Python."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from armtrue.planning import Plan
 
 @pytest.fixture(scope="module")
 def believed(tmp_path_factory) -> Fit:
-    """Few poses of an arm that lacks nothing."""
+    """A fit to few poses of an arm whose model is complete."""
     folder = tmp_path_factory.mktemp("poses")
     armtrue_sim.simulate({"arm": "kr30", "seed": 5, "poses": 60, "hidden": []}).write(folder)
     robot = load_robot(folder / "robot.yaml")
     return fit(load_data(folder / "data.csv", robot), robot, load_model(folder / "model.yaml", robot))
 
 
-def test_with_nothing_open_the_poses_are_for_the_parameters(believed):
+def test_plan_without_ambiguity_serves_the_parameters(believed):
     made = plan(believed, 5, candidates=300)
     assert not made.separates
     assert made.count == 5
@@ -28,20 +28,20 @@ def test_with_nothing_open_the_poses_are_for_the_parameters(believed):
         assert np.all((made.columns[f"q{number}"] >= low) & (made.columns[f"q{number}"] <= high))
 
 
-def test_rivals_that_are_named_are_told_apart(believed):
+def test_plan_separates_the_named_rivals(believed):
     rivals = [{"effect": "gear_harmonics", "joints": [2]}, {"effect": "joint_scale", "joints": [2]}]
     made = plan(believed, 5, rivals=rivals, candidates=300)
     assert made.separates
     assert {entry["truth"] for entry in made.figures["separations"]} == {"gear_harmonics 2", "joint_scale 2"}
 
 
-def test_one_rival_is_refused(believed):
+def test_plan_with_one_rival_is_refused(believed):
     with pytest.raises(InputError):
         plan(believed, 5, rivals=[{"effect": "gear_harmonics", "joints": [2]}], candidates=300)
 
 
 @pytest.mark.parametrize("first_campaign", [False, True])
-def test_as_many_random_poses_as_are_said_lead_to_the_same_error(believed, first_campaign):
+def test_stated_number_of_random_poses_gives_equal_precision(believed, first_campaign):
     model = Model(believed.document["model"]["effects"])
     levels = {"payload": [0.0, 8.0], "temp_arm": [20.0, 30.0]}
 
@@ -58,7 +58,7 @@ def test_as_many_random_poses_as_are_said_lead_to_the_same_error(believed, first
     assert random == pytest.approx(information["planned"]["prediction_rms_um"], rel=0.05)
 
 
-def test_everything_for_notebooks_is_at_the_top():
+def test_names_exported_by_armtrue_have_docstrings():
     for name in armtrue.__all__:
         assert getattr(armtrue, name).__doc__
     assert plan_campaign.__module__ == "armtrue.planning"

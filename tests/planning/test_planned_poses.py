@@ -1,4 +1,4 @@
-"""Planned poses do on simulated arms what they promise: they settle ambiguities, and make first campaigns better."""
+"""Planned poses on simulated arms: they settle ambiguities, and improve first campaigns."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ POSES = 8
 
 @pytest.mark.full
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.hidden)
-def test_what_is_ambiguous_is_settled_by_the_planned_poses(case: Case, tmp_path: Path) -> None:
+def test_planned_poses_settle_the_ambiguity(case: Case, tmp_path: Path) -> None:
     outcomes = [outcome for seed in case.seeds if (outcome := try_case(case, seed, POSES, tmp_path))]
     assert outcomes, "no seed leaves an ambiguity that poses can settle"
     for outcome in outcomes:
@@ -26,9 +26,7 @@ def test_what_is_ambiguous_is_settled_by_the_planned_poses(case: Case, tmp_path:
 @pytest.mark.full
 @pytest.mark.parametrize("cause", HEAT)
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_diagnosis_names_the_cause_after_the_planned_session(
-    cause: str, seed: int, tmp_path: Path
-) -> None:
+def test_diagnosis_names_the_cause_after_the_planned_session(cause: str, seed: int, tmp_path: Path) -> None:
     outcome = try_heat(cause, seed, POSES, tmp_path)
     assert {entry["effect"] for entry in outcome.before.open} == set(HEAT)
     assert outcome.recommended == cause
@@ -36,13 +34,13 @@ def test_the_diagnosis_names_the_cause_after_the_planned_session(
     time, warmth = outcome.plan.columns["time"], outcome.plan.columns["temp_arm"]
     assert np.all(np.diff(time) >= 0.0)
     assert np.count_nonzero(np.diff(warmth)) == len(set(warmth)) - 1
-    # In the first session both rose together.
+    # In the first session time and temperature rose together.
     assert np.corrcoef(time, warmth)[0, 1] < 0.0
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("cause", ["arm", "stand"])
-def test_which_thermometer_it_is_is_settled_by_the_planned_session(
+def test_planned_session_identifies_the_thermometer(
     cause: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(presets._load("kr30")["temperature"], "sensors", ["arm", "stand"])
@@ -60,6 +58,6 @@ def test_which_thermometer_it_is_is_settled_by_the_planned_session(
 
 
 @pytest.mark.full
-def test_a_planned_first_campaign_predicts_better_than_a_random_one(tmp_path: Path) -> None:
+def test_planned_first_campaign_predicts_better_than_random(tmp_path: Path) -> None:
     outcomes = [try_campaign(20, seed, tmp_path) for seed in SEEDS]
     assert np.mean([o.planned for o in outcomes]) < 0.9 * np.mean([o.random for o in outcomes])

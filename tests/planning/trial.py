@@ -1,4 +1,4 @@
-"""Plans tried on simulated truth: measure the planned poses and as many random ones, and see what each settles.
+"""Trials of plans on simulated arms: measure the planned poses and as many random ones, and compare the results.
 
 `./dev plan` prints the table and writes it into docs/results.md.
 """
@@ -26,14 +26,14 @@ TRACKER_SIGMA = 8e-6  # m, as the scenarios' instrument
 
 @dataclass
 class Case:
-    """A short campaign in a corner of the joint ranges, whose data cannot tell what is missing."""
+    """A short campaign over a part of the joint ranges, whose data cannot tell which effect is missing."""
 
     hidden: str
     joint: int
     share: float  # of the joint ranges, about their middle
     scale: float = 1.0
     poses: int = 40
-    seeds: tuple[int, ...] = (1, 2, 3)  # campaigns of which some leave something open
+    seeds: tuple[int, ...] = (1, 2, 3)  # some of these campaigns leave an ambiguity
 
 
 CASES = (
@@ -45,7 +45,7 @@ CASES = (
 
 @dataclass
 class Outcome:
-    """What became of an ambiguity. ΔBIC: of the true cause less its best rival, refitted with everything measured."""
+    """Result on one ambiguity, as ΔBIC of the true cause less its best rival, refitted to all measurements."""
 
     case: Case
     seed: int
@@ -81,7 +81,7 @@ def _model(effects: list[Any]) -> Model:
 
 
 def measured(campaign: armtrue_sim.Campaign, poses: dict[str, Array], seed: int) -> dict[str, Array]:
-    """Rows like the campaign's at `poses`, drives and tracker being what they are; other columns as in its last row."""
+    """Measured rows at `poses`, with drive and tracker noise; other columns as in the campaign's last row."""
     rng = np.random.default_rng(seed)
     count = len(poses["q1"])
     rows = {name: np.repeat(values[-1:], count) for name, values in campaign.data.items()}
@@ -95,7 +95,7 @@ def measured(campaign: armtrue_sim.Campaign, poses: dict[str, Array], seed: int)
 
 
 def fit_rows(columns: dict[str, Array], effects: list[Any], folder: Path) -> Fit:
-    """A fit of `columns`, through a file as people have them."""
+    """Fit `columns`, written to a CSV file and read back."""
     path = folder / "measured.csv"
     rows = zip(*columns.values(), strict=True)
     path.write_text(
@@ -106,7 +106,7 @@ def fit_rows(columns: dict[str, Array], effects: list[Any], folder: Path) -> Fit
 
 
 def measure_more(campaign: armtrue_sim.Campaign, poses: dict[str, Array], seed: int, folder: Path) -> Fit:
-    """The geometry fitted to what was measured and to `poses` on top."""
+    """Fit the geometry to the campaign's rows and to `poses`, measured in addition."""
     more = measured(campaign, poses, seed)
     columns = {name: np.concatenate([campaign.data[name], more[name]]) for name in campaign.data}
     return fit_rows(columns, GEOMETRY, folder)
@@ -126,22 +126,22 @@ def evidence(fitted: Fit, case: Case, rivals: list[dict[str, Any]]) -> float:
     figures: dict[tuple[str, tuple[int, ...]], float] = {}
     for candidate in diagnose(fitted)["candidates"]:
         key = candidate["effect"], tuple(candidate["joints"])
-        if key in named:  # by the form (of a beam, a thermometer) that explains most
+        if key in named:  # the form (beam shape, thermometer) that explains most
             figures[key] = min(candidate["delta_bic"], figures.get(key, 0.0))
     true = figures.pop((case.hidden, (case.joint,)), 0.0)
     return float(true - min(figures.values(), default=0.0))
 
 
 def try_case(case: Case, seed: int, count: int, folder: Path) -> Outcome | None:
-    """Plan, measure, refit. None where nothing is open that poses can tell apart, or not the cause."""
+    """Plan, measure, refit. None if no ambiguity is open that poses can settle, or if it lacks the true cause."""
     campaign, fitted = campaign_of(case, seed, folder)
-    # The owner knows that this arm has no balancer; with a free phase it is a first harmonic of gear 2.
+    # The owner knows that this arm has no balancer, which with a free phase equals a first harmonic of gear 2.
     found = ambiguity(fitted, diagnose(fitted))
     rivals = [rival for rival in (found.open if found else []) if rival["effect"] != "gravity_balancer"]
     names = [f"{rival['effect']} {rival.get('joints', '')}" for rival in rivals]
     if f"{case.hidden} {[case.joint]}" not in names or len(rivals) < 2:
         return None
-    # Pairs that no pose tells apart are said to be so: only the others can be settled.
+    # The plan states which pairs no pose can separate: only the others can be settled.
     plan = plan_separation(fitted, rivals, count, seed=seed)
     truth = f"{case.hidden} {case.joint}"
     told = {
@@ -158,7 +158,7 @@ def try_case(case: Case, seed: int, count: int, folder: Path) -> Outcome | None:
     ]
     before = evidence(fitted, case, told_apart)
     if settled(before):
-        return None  # what is open is open beside another candidate, not between these
+        return None  # the ambiguity is with another candidate, not between these
     return Outcome(
         case,
         seed,
@@ -173,16 +173,16 @@ def try_case(case: Case, seed: int, count: int, folder: Path) -> Outcome | None:
 
 
 HEAT = ("thermal_expansion", "warm_up")
-# The growth alone, which a thermometer that follows it explains as well.
+# Growth without joint drift, which a thermometer that rises with it explains as well.
 _GROWTH = {"warm_up": {"growth": 2.5e-4, "tau": 2000.0} | {f"motor{k}": 0.0 for k in range(1, 7)}}
 
 
 @dataclass
 class HeatOutcome:
-    """Temperature or time: the ambiguity of a session in which one rose with the other, the plan, and what it told.
+    """Temperature or time: the ambiguity of a session in which both rose together, the plan, and its result.
 
-    first: the session's diagnosis, recommended: the effect that it recommends after the planned rows, after: what it
-    then leaves open.
+    first: the session's diagnosis; recommended: the effect recommended after the planned rows; after: what is then
+    still open.
     """
 
     first: Diagnosis
@@ -232,7 +232,7 @@ def try_sensors(cause: str, seed: int, count: int, folder: Path) -> HeatOutcome:
 
 @dataclass
 class CampaignOutcome:
-    """Errors [m] of fits on fresh exact poses: of a first campaign as planned, and as random poses give it."""
+    """Errors [m] of fits on fresh exact poses: of a planned first campaign, and of one of random poses."""
 
     poses: int
     seed: int

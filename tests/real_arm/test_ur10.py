@@ -1,4 +1,4 @@
-"""The real UR10: what the fit reaches on poses that it has not seen. `./dev ur10` prints the whole table."""
+"""The real UR10: errors of fits on poses that took no part in them. `./dev ur10` prints the whole table."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ def held_out_rms_mm(split: Split, effects: list) -> float:
     return rms(error_mm(armtrue.fit(split.train, arm, model_of(effects, arm)), split.held_out))
 
 
-def test_series_c_geometry(cut):
+def test_geometry_fit_of_series_c_predicts_to_510_um(cut):
     assert held_out_rms_mm(cut["C"], GEOMETRY) <= 0.51
 
 
-def test_series_c_tables(cut):
+def test_tables_fit_of_series_c_predicts_to_100_um(cut):
     assert held_out_rms_mm(cut["C"], TABLES) <= 0.10
 
 
 @pytest.mark.full
-def test_series_a_later_than_what_was_fitted(cut):
+def test_springs_fit_of_series_a_predicts_later_poses_to_105_um(cut):
     assert held_out_rms_mm(cut["A"], SPRINGS) <= 0.105
 
 
 def said(diagnosis: armtrue.Diagnosis) -> tuple[str, float, list[tuple[str, list[int], float]]]:
-    """What a diagnosis comes to, in figures that two runs of it share."""
+    """Verdict and probable candidates of a diagnosis, rounded so that two runs agree."""
     probable = [
         (c["effect"], c["joints"], round(c["probability"], 3))
         for c in diagnosis.candidates
@@ -49,9 +49,9 @@ def said(diagnosis: armtrue.Diagnosis) -> tuple[str, float, list[tuple[str, list
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_diagnosis_of_the_file_is_what_refine_ended_with(cut, tmp_path, seed):
-    # What a search had put in counted as the owner's word once read from a file, and smoothness and weights had ended
-    # elsewhere on the way there: in 7 of 16 the file lacked an effect where refine had said that nothing is missing.
+def test_diagnosis_of_the_saved_fit_equals_refines_last_step(cut, tmp_path, seed):
+    # Effects that a search had added counted as the owner's once read from a file, and smoothness and weights had ended
+    # elsewhere during refine: in 7 of 16 the file lacked an effect where refine had said that nothing is missing.
     arm, data = robot(), cut["C"].train
     few = data.take(np.random.default_rng(seed).permutation(data.count)[:100])
     final, story = armtrue.refine(armtrue.fit(few, arm, model_of(GEOMETRY, arm)))
@@ -61,7 +61,7 @@ def test_diagnosis_of_the_file_is_what_refine_ended_with(cut, tmp_path, seed):
 
 
 @pytest.mark.full
-def test_diagnosis_of_geometry_alone_names_the_mid_frequency_joint_error(cut):
+def test_diagnosis_of_geometry_alone_names_transmission_pwl(cut):
     arm = robot()
     result = armtrue.diagnose(armtrue.fit(cut["C"].train, arm, model_of(GEOMETRY, arm)))
     best = result["candidates"][0]
@@ -73,7 +73,7 @@ def test_diagnosis_of_geometry_alone_names_the_mid_frequency_joint_error(cut):
 
 @pytest.mark.full
 def test_orientations_beside_positions_do_not_make_positions_worse(cut):
-    # What the model lacks of the wrist shows in orientations: weighed by how they scatter, they made the error on
+    # Wrist errors that the model lacks appear in orientations: weighted by how they scatter, these made the error on
     # unseen poses a quarter larger.
     arm, data = robot(), cut["A"].train
     columns = {name: values for name, values in data.columns.items() if name not in ("qw", "qx", "qy", "qz")}

@@ -1,4 +1,4 @@
-"""The UR10 of shared/datasets: errors on poses that took no part in the fit, series C at random and series A in time.
+"""The UR10 of shared/datasets: errors on poses held out of the fit, of series C at random and of series A by time.
 
 `./dev ur10` writes the table into docs/results.md. The measurements (MIT) are not part of this repository.
 """
@@ -91,7 +91,7 @@ def time_split(data: Dataset, first: float = 0.7) -> Split:
 
 
 def model_of(effects: list[Any], arm: Robot) -> armtrue.Model:
-    """model.yaml without the file."""
+    """The model of `effects`, checked as one from model.yaml."""
     entries = [e if isinstance(e, dict) else {"effect": e} for e in effects]
     return armtrue.Model([check_effect(entry, arm, "ur10") for entry in entries])
 
@@ -108,7 +108,7 @@ def rms(values: NDArray[np.float64]) -> float:
 
 
 def words(effects: list[dict[str, Any]]) -> str:
-    """Effects beyond geometry, as a person lists them."""
+    """Effects beyond geometry, as one line of text."""
     added = [e for e in effects if e["effect"] not in GEOMETRY]
     return ", ".join(e["effect"] + (f" {e['joints']}" if e.get("joints") else "") for e in added) or "none"
 
@@ -148,7 +148,7 @@ def print_row(name: str, label: str, fit: armtrue.Fit, split: Split, seconds: fl
 
 
 def splits() -> dict[str, Split]:
-    """The two of the issue: series C random 30 %, series A first 70 % of the time."""
+    """The two splits of the issue: series C random 30 %, series A first 70 % of the time."""
     arm = robot()
     c = armtrue.load_data(EXAMPLE / "series_c.yaml", arm)
     a = armtrue.load_data(EXAMPLE / "series_a.yaml", arm)

@@ -1,4 +1,4 @@
-"""docs/adding-an-effect.md does what it says: the effect that it writes is built, found, exported and compensated."""
+"""The effect that docs/adding-an-effect.md writes is built, found, exported and compensated."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def table(path: Path, names: list[str]) -> np.ndarray:
 
 
 @pytest.mark.full
-def test_guides_effect_is_found_exported_and_compensated(
+def test_effect_of_the_guide_is_found_exported_and_compensated(
     armtrue: Armtrue, campaign: tuple[Campaign, Path]
 ) -> None:
     simulated, folder = campaign
@@ -117,6 +117,6 @@ def test_guides_effect_is_found_exported_and_compensated(
         )
         missed = np.linalg.norm(reached - table(folder / "c.csv", ["tx", "ty", "tz"]), axis=1)
         missed_um[name] = 1e6 * float(np.median(missed))
-    # What stays is what 300 noisy poses leave unknown, and the tables' resolution.
+    # The remaining error: uncertainty of a fit to 300 noisy poses, and the tables' resolution.
     assert missed_um["best"] < 15.0
     assert missed_um["fit"] > 3.0 * missed_um["best"]

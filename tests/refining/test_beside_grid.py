@@ -1,4 +1,4 @@
-"""A grid follows whatever its joints do as far as its cells are fine; what makes up for their size is no cause."""
+"""A grid follows errors of its joints as far as its cells are fine: the rest must not be named as an effect."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from armtrue_sim import simulate
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2])
-def test_no_effect_is_named_beside_the_grid_that_was_advised(tmp_path: Path, seed: int) -> None:
-    # Its own advice followed, refine named a wobble of axis 1 with more than 99 %, and "nothing is missing".
+def test_refine_names_no_effect_beside_the_advised_grid(tmp_path: Path, seed: int) -> None:
+    # When its own advice was followed, refine named a wobble of axis 1 with more than 99 %, and "nothing is missing".
     simulate(
         {"arm": "kr30", "seed": seed, "poses": 300, "test_poses": 0,
          "believed": ["base_frame", "tool_offset", "joint_offset", "link_geometry", "joint_compliance"]},
@@ -23,7 +23,7 @@ def test_no_effect_is_named_beside_the_grid_that_was_advised(tmp_path: Path, see
     robot = load_robot(tmp_path / "robot.yaml")
     data = load_data(tmp_path / "data.csv", robot)
     q = data.columns
-    wrong = 2e-4 * np.sin(2.0 * q["q1"]) * np.cos(q["q3"])  # of axis 2, as no effect has it
+    wrong = 2e-4 * np.sin(2.0 * q["q1"]) * np.cos(q["q3"])  # of axis 2, in a form that no effect has
     data = dataclasses.replace(data, columns={**q, "q2": q["q2"] - wrong})
     before, story = refine(fit(data, robot, load_model(tmp_path / "model.yaml", robot)))
     assert story["steps"][-1]["verdict"] == "unexplained_structure"

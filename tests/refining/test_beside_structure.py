@@ -1,4 +1,4 @@
-"""A cause that runs with time is named although something of the arm's posture is left that no effect explains."""
+"""A drift is named although an error that depends on the arm's posture remains that no effect explains."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PRODUCT = {
 
 
 def found_of(folder: Path, seed: int, drift: float, known: list[Any]) -> dict[str, Any]:
-    """What diagnose says of an arm with PRODUCT and a drift, to an owner who has `known` beside geometry."""
+    """Diagnosis of an arm with PRODUCT and a drift, for the believed model and the effects `known`."""
     hidden = [PRODUCT, {"effect": "time_drift", "scale": drift}]
     simulate({"arm": "kr30", "seed": seed, "poses": 240, "test_poses": 0, "hidden": hidden}, folder)
     robot = load_robot(folder / "robot.yaml")
@@ -34,7 +34,7 @@ def named(found: dict[str, Any]) -> set[str]:
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [3, 4])
-def test_a_large_drift_is_named_beside_a_function_of_two_angles(tmp_path: Path, seed: int) -> None:
+def test_large_drift_is_named_beside_a_function_of_two_angles(tmp_path: Path, seed: int) -> None:
     found = found_of(tmp_path, seed, 20.0, [])
     assert named(found) == {"time_drift"}
     assert found["verdict"] == "missing_effect"
@@ -42,8 +42,8 @@ def test_a_large_drift_is_named_beside_a_function_of_two_angles(tmp_path: Path, 
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [3, 4])
-def test_a_small_drift_is_named_once_the_function_is_described(tmp_path: Path, seed: int) -> None:
-    # Beside the function it shows only after that has been taken out, as what a wrong function leaves would.
+def test_small_drift_is_named_once_the_function_is_modelled(tmp_path: Path, seed: int) -> None:
+    # Such a drift shows only after the function has been removed, as the remainder of a wrong function would.
     found = found_of(tmp_path / "before", seed, 4.0, [])
     assert not named(found)
     assert found["verdict"] == "unexplained_structure"
@@ -52,8 +52,8 @@ def test_a_small_drift_is_named_once_the_function_is_described(tmp_path: Path, s
 
 
 @pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.full)])
-def test_refine_fits_what_comes_nearest_where_a_structure_has_no_name(tmp_path: Path, seed: int) -> None:
-    # A smooth function of q1 was likelier than the wobble of axis 1 beside the first fit, and nothing was added.
+def test_refine_adds_the_nearest_effect_to_unnamed_structure(tmp_path: Path, seed: int) -> None:
+    # Beside the first fit a smooth function of q1 was likelier than the wobble of axis 1, and nothing was added.
     hidden = [{"effect": "axis_wobble", "joints": [1], "scale": 0.3}]
     simulate(
         {

@@ -1,4 +1,4 @@
-"""A creep whose form no effect has is taken for the creep that it is, and what is left of it is told."""
+"""A creep whose form no effect has is named time_drift, and the remainder is reported."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from armtrue_sim import simulate
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_creep_that_slows_down_is_a_creep(tmp_path: Path, seed: int) -> None:
+def test_creep_that_slows_down_is_named_time_drift(tmp_path: Path, seed: int) -> None:
     creep = {"effect": "custom", "name": "creep", "coordinate": "base.tz", "value": 4e-4}
     simulate(
         {"arm": "kr30", "seed": seed, "poses": 240, "test_poses": 0,
@@ -30,10 +30,10 @@ def test_a_creep_that_slows_down_is_a_creep(tmp_path: Path, seed: int) -> None:
     assert added["time_drift"] > 0.9
     held_out = [step["error"]["held_out"]["mean_um"] for step in story["steps"]]
     assert held_out[-1] < 0.8 * held_out[0]
-    # A straight line is not all of it.
+    # A straight line does not explain all of it.
     assert last["verdict"] == "unexplained_structure"
     assert last["unexplained"][0]["variables"] == ["time"]
-    # A correction by time would be the arm's, and no column of directions shows what runs with time.
+    # A custom effect of time would count as the arm's, and no direction column shows what depends on time.
     said = " ".join(last["advice"])
     assert "station" in said
     assert "custom" not in said

@@ -1,4 +1,4 @@
-"""What a candidate is said to explain is what a fit with it explains."""
+"""The key `explained` of a candidate is what a fit with it explains."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def squares(fitted: Fit) -> float:
 
 
 @pytest.mark.full
-def test_a_refit_bears_out_what_candidates_explain(tmp_path: Path) -> None:
-    # The forms of a beam were said to explain nothing, beside all the evidence for them.
+def test_refit_confirms_what_candidates_explain(tmp_path: Path) -> None:
+    # The forms of a beam had `explained` of zero, in spite of all the evidence for them.
     simulate(
         {"arm": "kr30", "seed": 4, "poses": 240, "test_poses": 0,
          "believed": [entry["effect"] for entry in GEOMETRY],
@@ -36,14 +36,14 @@ def test_a_refit_bears_out_what_candidates_explain(tmp_path: Path) -> None:
         entry = {"effect": c["effect"], "joints": c["joints"], **c["options"]}
         fuller = fit(data, robot, Model([*GEOMETRY, entry]))
         explained = 1.0 - squares(fuller) / squares(plain)
-        if fuller.document["nonlinear"]:  # a shape that the fit finds: the candidate has the nearest of a few
+        if fuller.document["nonlinear"]:  # the fit finds the shape, the candidate has the nearest of a few
             assert explained - 0.06 < c["explained"] < explained + 0.02, entry
         else:
             assert c["explained"] == pytest.approx(explained, abs=0.02), entry
 
 
 @pytest.mark.full
-def test_the_reason_says_what_the_table_says(tmp_path: Path) -> None:
+def test_reason_of_a_candidate_agrees_with_its_figures(tmp_path: Path) -> None:
     simulate({"arm": "kr30", "seed": 5, "poses": 240, "test_poses": 0, "hidden": [
         {"effect": "gear_harmonics", "joints": [3]}, {"effect": "thermal_expansion"}]}, tmp_path)  # fmt: skip
     robot = load_robot(tmp_path / "robot.yaml")

@@ -1,4 +1,4 @@
-"""What the last search of a refinement still asks for, and a fit has shown to help nothing."""
+"""A candidate of the last search of a refinement that a fit has shown not to help."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from armtrue_sim import simulate
 
 
 @pytest.mark.full
-def test_what_was_fitted_and_left_out_is_not_advised_again(tmp_path: Path) -> None:
+def test_candidate_fitted_and_left_out_is_not_advised_again(tmp_path: Path) -> None:
     hidden = [{"effect": "gear_harmonics", "joints": [3]}]
     simulate({"arm": "cobot", "seed": 94, "poses": 240, "test_poses": 0, "hidden": hidden}, tmp_path)
     robot = armtrue.load_robot(tmp_path / "robot.yaml")
     data = armtrue.load_data(tmp_path / "data.csv", robot)
-    # Somebody forgot to write the payload down for a quarter of the poses. Other masses look a little like that.
+    # The payload of a quarter of the poses was not recorded. Other masses look a little like that.
     data.columns["payload"][60:120] = 0.0
     _, story = armtrue.refine(armtrue.fit(data, robot, armtrue.load_model(tmp_path / "model.yaml", robot)))
     last = story.steps[-1]

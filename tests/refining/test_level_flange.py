@@ -1,6 +1,6 @@
-"""A palletiser from its measurements to its points: bars keep the flange level, and joint 4 has no motor.
+"""A palletiser from measurements to corrected points: bars keep the flange level, and joint 4 has no motor.
 
-Such a joint written as an ordinary one was asked to be turned, was corrected, and left 297 µm where 25 were promised.
+Treated as an ordinary joint, joint 4 was to be turned and was corrected: 297 µm were left where 25 were promised.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def refined(measured):
     return refine(first)
 
 
-def test_nobody_asks_for_a_joint_that_has_no_motor(measured) -> None:
+def test_joint_without_a_motor_needs_no_columns_and_no_plan(measured) -> None:
     _, folder = measured
     with (folder / "data.csv").open() as stream:
         assert "q4" not in next(csv.reader(stream))
@@ -48,7 +48,7 @@ def test_nobody_asks_for_a_joint_that_has_no_motor(measured) -> None:
     assert not asked & {"dir4", "qr4", "duty4", "travel4", "tau4"}
     planned = plan_campaign(robot, load_model(folder / "model.yaml", robot), 12)
     assert [name for name in planned.columns if name[0] == "q"] == ["q1", "q2", "q3", "q5"]
-    # Where its bars would fold is out of reach.
+    # Poses in which its bars would fold are out of reach.
     level = planned.columns["q2"] + planned.columns["q3"]
     assert np.abs(level).max() <= 0.85
 
@@ -60,7 +60,7 @@ def test_nobody_asks_for_a_joint_that_has_no_motor(measured) -> None:
         ({"offset": np.pi / 2}, "joint_zero", "Add -1.570796 to the offset of joint 4 in robot.yaml"),
     ],
 )
-def test_check_says_how_the_bars_turn_it(measured, change, code, remedy, tmp_path: Path) -> None:
+def test_check_states_coupling_and_zero_of_joint_4(measured, change, code, remedy, tmp_path: Path) -> None:
     _, folder = measured
     content = yaml.safe_load((folder / "robot.yaml").read_text())
     if "offset" in change:
@@ -76,12 +76,12 @@ def test_check_says_how_the_bars_turn_it(measured, change, code, remedy, tmp_pat
 
 
 @pytest.mark.full
-def test_what_the_bars_do_wrong_is_found(refined) -> None:
+def test_refine_finds_the_errors_of_the_bars(refined) -> None:
     _, story = refined
     found = {(e["effect"], *e["joints"]): e["probability"] for e in story["effects"] if "probability" in e}
     causes = {("joint_compliance", 4), ("coupling_harmonics", 4, 2), ("coupling_harmonics", 4, 3)}
     assert min(found[cause] for cause in causes) > 0.99
-    # What waves of two orders leave of 1/sin may show as a slope of the same bars.
+    # Harmonics of two orders do not describe 1/sin fully: the rest may show as a slope of the same bars.
     assert found.keys() - causes <= {("joint_coupling", 4, 2), ("joint_coupling", 4, 3)}
     assert story["steps"][-1]["verdict"] == "nothing_missing"
     untestable = {need for entry in story["steps"][-1]["untestable"] for need in entry["needs"]}
@@ -91,7 +91,7 @@ def test_what_the_bars_do_wrong_is_found(refined) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("engine", [Engine.FIXED, Engine.DOUBLE])
 @pytest.mark.parametrize("reported", ["nothing", "level"])
-def test_the_other_joints_take_the_tool_where_the_fit_promises(
+def test_compensated_motors_reach_the_promised_accuracy(
     measured, refined, engine: Engine, reported: str, tmp_path: Path
 ) -> None:
     campaign, _ = measured

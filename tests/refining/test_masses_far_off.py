@@ -1,4 +1,4 @@
-"""Masses that are half of what the arm has: gears and motors left out of them, as in many URDFs."""
+"""robot.yaml with half of the true masses: gears and motors are left out, as in many URDFs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from armtrue_sim.cases import hidden_cases
 
 @pytest.mark.quick("2")
 @pytest.mark.parametrize("seed", [1, 2])
-def test_half_of_the_masses_is_one_cause(seed: int, tmp_path: Path) -> None:
+def test_halved_masses_are_named_as_one_cause(seed: int, tmp_path: Path) -> None:
     # Each mass was drawn back to its file's by its prior, and what let it was named with more than 99 %.
     simulate(
         {"arm": "cobot", "seed": seed, "poses": 80, "test_poses": 0, "payloads": [0.0, 2.0, 5.0]}, tmp_path
@@ -31,9 +31,9 @@ def test_half_of_the_masses_is_one_cause(seed: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.full
-def test_springs_that_the_fit_finds_may_tell_a_further_mass(tmp_path: Path) -> None:
-    # The search looked that mass up in the fit, which had been built before the springs were known, and read memory
-    # that was not its own: every second run of this campaign crashed, or said that there was no memory left.
+def test_refine_handles_a_mass_that_only_fitted_springs_show(tmp_path: Path) -> None:
+    # The search looked that mass up in the fit, which had been built before the springs were known, and read out of
+    # bounds: every second run of this campaign crashed, or reported that there was no memory left.
     hidden_cases("real_nothing", "irb2400", 31907).campaign.write(tmp_path)
     robot = load_robot(tmp_path / "robot.yaml")
     data, model = load_data(tmp_path / "data.csv", robot), load_model(tmp_path / "model.yaml", robot)

@@ -22,7 +22,7 @@ from armtrue_sim.kinds import ARMS
 
 TIME_LIMIT_S = 300.0  # a refinement takes seconds; beside other tests on two processors ten times that
 ANSWER_S = 1.0
-# Refined in many seconds.
+# A campaign that takes many seconds to refine.
 LARGE = {
     "name": "large",
     "arm": "kr30",
@@ -35,7 +35,7 @@ LARGE = {
 
 @pytest.fixture
 def busy_processors():
-    """Two loops that leave the command's threads to be interrupted anywhere."""
+    """Two busy loops, so that the command's threads are preempted at any point."""
     loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(2)]
     yield
     for loop in loops:
@@ -44,7 +44,7 @@ def busy_processors():
 
 
 def write_fit(folder: Path, campaign: Campaign) -> None:
-    """A campaign and fit.json of what its owner believes in."""
+    """Write a campaign and fit.json of its believed model."""
     campaign.write(folder)
     robot = armtrue.load_robot(folder / "robot.yaml")
     data = armtrue.load_data(folder / "data.csv", robot)
@@ -53,7 +53,7 @@ def write_fit(folder: Path, campaign: Campaign) -> None:
 
 def start_refine(folder: Path, out: int) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "armtrue", "refine", "fit.json", "--out", "best.json"]
-    # Who starts tests in the background may have had the signal ignored.
+    # Tests started in the background may inherit an ignored SIGINT.
     return subprocess.Popen(
         command,
         cwd=folder,
@@ -64,7 +64,7 @@ def start_refine(folder: Path, out: int) -> subprocess.Popen[bytes]:
 
 
 def refine(folder: Path, terminal: bool) -> int:
-    """Exit status of the command; fails where it is not done within the time limit."""
+    """Exit status of the command; raises if it does not end within the time limit."""
     read, write = pty.openpty() if terminal else os.pipe()
 
     def drain() -> None:
@@ -111,7 +111,7 @@ def arguments(kind: str, seed: int) -> tuple[str, dict[str, np.ndarray], str]:
 
 
 @pytest.mark.full
-def test_diagnosis_of_a_fit_made_with_progress_ends():
+def test_progress_calls_end_and_run_on_the_callers_thread():
     callers = set()
 
     def tell(share: float, stage: str) -> None:
@@ -127,7 +127,7 @@ class CallbackError(Exception):
     pass
 
 
-def test_an_error_in_a_callback_ends_the_call_and_reaches_the_caller():
+def test_callback_error_ends_the_call_and_reaches_the_caller():
     def fail(*_: object) -> None:
         raise CallbackError
 
@@ -143,7 +143,7 @@ def test_an_error_in_a_callback_ends_the_call_and_reaches_the_caller():
 
 
 def test_other_threads_run_during_a_call():
-    """The interpreter is free while the numbers are worked out."""
+    """The binding releases the interpreter lock (GIL) while it computes."""
     given = arguments("three_hidden", 3)
     counted, stop = 0, threading.Event()
 
@@ -169,7 +169,7 @@ def processor_seconds(pid: int) -> float:
 
 @pytest.mark.full
 def test_interrupt_at_any_moment_is_answered_within_a_second(tmp_path):
-    """Within a second of processor time: what else runs on this machine makes no difference."""
+    """A second of processor time, so that other load on this machine makes no difference."""
     write_fit(tmp_path, simulate({**LARGE, "seed": 1}))
     process = start_refine(tmp_path, subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)

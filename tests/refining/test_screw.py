@@ -1,6 +1,6 @@
-"""A joint that slides errs with every turn of its screw: named with the length of the wave, and compensated.
+"""A prismatic joint has an error once per turn of its screw: it is named with its wavelength, and compensated.
 
-It was taken for the scatter of a joint that repeats badly: "nothing missing 97 %, joint 3 repeats to 69 um".
+It was reported as the scatter of a joint that repeats badly: "nothing missing 97 %, joint 3 repeats to 69 um".
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ BELIEVED = ["base_frame", "tool_offset", "joint_offset", "link_geometry"]
 
 
 def scara(folder: Path, lead: float | None, poses: int = 200, **changes: Any) -> Campaign:
-    """A scara's files whose column errs once a turn of a screw; `lead`: what robot.yaml says of it."""
+    """Files of a scara whose joint 3 has an error once per screw turn; `lead`: its value in robot.yaml, or none."""
     campaign = simulate(
         {
             "arm": "scara",
@@ -54,7 +54,7 @@ def scara(folder: Path, lead: float | None, poses: int = 200, **changes: Any) ->
 
 
 def done(folder: Path, *command: str) -> str:
-    """Runs `armtrue COMMAND` in `folder`; what it printed."""
+    """Runs `armtrue COMMAND` in `folder`; returns what it printed."""
     ran = armtrue(*command, cwd=folder)
     assert ran.returncode in (0, 1), ran.stderr
     return ran.stdout
@@ -67,7 +67,7 @@ def refined(folder: Path) -> dict[str, Any]:
 
 
 def left_after_compensation(folder: Path, campaign: Campaign) -> float:
-    """Mean distance [m] from where each command was meant for, by the fixed-point engine, on the true arm."""
+    """Mean distance [m] of the true arm from the intended points, compensated by the fixed-point engine."""
     done(folder, "export", "best.json", "--out", "tables.bin")
     done(folder, "compensate", "tables.bin", "test.csv", "--engine", "fixed", "--out", "c.csv")
     corrected = np.genfromtxt(folder / "c.csv", delimiter=",", names=True)
@@ -84,7 +84,7 @@ def left_after_compensation(folder: Path, campaign: Campaign) -> float:
         (LEAD_M, {"orders": [1.0]}),
     ],
 )
-def test_a_screws_wave_is_named_and_compensated(
+def test_screw_error_is_named_and_compensated(
     stated: float | None, options: dict[str, list[float]], tmp_path: Path
 ) -> None:
     campaign = scara(tmp_path, stated)
@@ -98,8 +98,8 @@ def test_a_screws_wave_is_named_and_compensated(
     assert left_after_compensation(tmp_path, campaign) < 0.2 * WAVE_M
 
 
-def test_a_wave_over_a_grid_says_which_others_look_the_same(tmp_path: Path) -> None:
-    # On steps of 8 mm a wave of 12 mm is one of 24 mm, or of 6 mm.
+def test_advice_names_wavelengths_that_a_grid_confounds(tmp_path: Path) -> None:
+    # Sampled in steps of 8 mm, a wave of 12 mm equals one of 24 mm or of 6 mm.
     campaign = scara(tmp_path, None)
     table = np.genfromtxt(tmp_path / "data.csv", delimiter=",", names=True, dtype=None, encoding=None)
     q = campaign.q.copy()

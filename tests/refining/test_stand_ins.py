@@ -1,4 +1,4 @@
-"""Of effects that may stand for one another, refine adds one; of the forms of one effect, too."""
+"""Of effects that explain the same error, refine adds one; of the forms of one effect, too."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import pytest
 from armtrue import Model, diagnose, fit, load_data, load_model, load_robot, refine
 from armtrue_sim import simulate
 
-# 120 poses from a stranger's own simulator: column and arm bend (3e-5 and 4e-5 rad/Nm), readings of 12 um.
+# 120 poses from a foreign simulator: column and arm bend (3e-5 and 4e-5 rad/Nm), readings of 12 um.
 COLUMN_BENDS = Path(__file__).parent / "scara_payload"
-# 200 poses from another stranger's: a palletiser whose balancer's levers are 0.39 and 0.4 m long, masses a fifth off.
+# 200 poses from another one: a palletiser whose balancer's levers are 0.39 and 0.4 m long, masses a fifth off.
 NEAR_LEVERS = Path(__file__).parent / "near_levers"
 
 
@@ -22,9 +22,9 @@ def refined(folder: Path):
 
 
 @pytest.mark.full
-def test_one_of_two_comes_in_that_share_their_probability() -> None:
-    # A column that bends and a base that tilts move the tool alike: each had half of what makes one sure, and
-    # neither was added.
+def test_refine_adds_one_of_two_effects_that_share_probability() -> None:
+    # A column that bends and a base that tilts move the tool alike: each had half of the probability, and neither
+    # was added.
     story = refined(COLUMN_BENDS)
     last = story["steps"][-1]
     assert last["verdict"] == "nothing_missing"
@@ -42,7 +42,7 @@ def test_one_of_two_comes_in_that_share_their_probability() -> None:
         c for c in last["candidates"] if c["effect"] == name and c["joints"] == ([joint] if joint else [])
     )
     assert rest["probability"] > 0.1
-    # The step that added the one names the other.
+    # The step that added the one lists the other as confounded.
     (came_in, its_joint) = (two & in_model).pop()
     step = [s["added"] for s in story["steps"] if s["added"] and s["added"]["effect"] == came_in][-1]
     assert its_joint is None or its_joint in step["joints"]
@@ -51,8 +51,8 @@ def test_one_of_two_comes_in_that_share_their_probability() -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2])
-def test_of_the_forms_of_one_effect_one_comes_in(tmp_path: Path, seed: int) -> None:
-    # A form came in with less than half of the probability, for the forms share what makes them sure.
+def test_refine_adds_one_form_of_an_effect(tmp_path: Path, seed: int) -> None:
+    # A form was added with less than half of the probability, because the forms share it.
     simulate(
         {"arm": "scara", "seed": seed, "poses": 120, "test_poses": 0, "payloads": [0.0, 2.0, 5.0],
          "believed": ["base_frame", "tool_offset", "joint_offset", "link_geometry"],
@@ -68,9 +68,9 @@ def test_of_the_forms_of_one_effect_one_comes_in(tmp_path: Path, seed: int) -> N
 
 
 @pytest.mark.full
-def test_a_balancer_is_not_exchanged_for_the_waves_that_imitate_it() -> None:
-    # As a candidate it had all forms of its grid, in the model only the one that was found: it was found, and then
-    # thrown out for gear_harmonics, which were left with less than 1 %.
+def test_balancer_is_not_replaced_by_similar_harmonics() -> None:
+    # As a candidate the balancer had all forms of its grid, in the model only the fitted one: it was added, and then
+    # replaced by gear_harmonics, which ended with less than 1 %.
     story = refined(NEAR_LEVERS)
     last = story["steps"][-1]
     added = {entry["effect"]: entry["probability"] for entry in last["effects"] if "probability" in entry}
@@ -80,8 +80,8 @@ def test_a_balancer_is_not_exchanged_for_the_waves_that_imitate_it() -> None:
 
 
 @pytest.mark.full
-def test_what_a_search_finds_does_not_depend_on_the_order_of_joints(tmp_path: Path) -> None:
-    # The sizes of what stands in the model were chosen one after the other, the first without the others.
+def test_evidence_does_not_depend_on_the_order_of_joints(tmp_path: Path) -> None:
+    # The sizes of the effects in the model were chosen one after the other, the first without the others.
     simulate(
         {"arm": "cobot", "seed": 0, "poses": 60, "test_poses": 0,
          "hidden": [{"effect": "bending_compliance", "joints": [2]}]},
@@ -101,8 +101,8 @@ def test_what_a_search_finds_does_not_depend_on_the_order_of_joints(tmp_path: Pa
         assert evidence[0][name] == pytest.approx(evidence[1][name], rel=0.02, abs=2.0), name
 
 
-def test_all_that_was_added_has_a_probability(tmp_path: Path) -> None:
-    # Joint zeros are never taken out again, and had none.
+def test_every_added_effect_has_a_probability(tmp_path: Path) -> None:
+    # Joint zeros are never removed again, and had no probability.
     others = {"effect": "joint_offset", "joints": [1, 3, 4, 5, 6]}
     simulate(
         {"arm": "kr30", "seed": 3, "poses": 120, "test_poses": 0,

@@ -1,4 +1,4 @@
-"""A table is said to be a table: what it costs, and what would turn it into physics."""
+"""A table is reported as a table: its cost, and what would replace it by a physical effect."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROUGH = {"effect": "transmission_pwl", "joints": [3], "scale": 4.0}
     ("hidden", "words"),
     [(WAVES, "gear_harmonics on joint 3"), (ROUGH, "turn joint 3 alone"), (LINE, "cycles=[9")],
 )
-def test_a_table_says_what_it_is(tmp_path: Path, hidden: dict[str, Any], words: str) -> None:
+def test_table_states_its_cost_and_next_step(tmp_path: Path, hidden: dict[str, Any], words: str) -> None:
     simulate({"arm": "kr30", "seed": 4, "poses": 240, "test_poses": 0, "hidden": [hidden]}, tmp_path)
     robot = load_robot(tmp_path / "robot.yaml")
     table = {"effect": "transmission_pwl", "joints": [3]}
@@ -42,7 +42,7 @@ def test_a_table_says_what_it_is(tmp_path: Path, hidden: dict[str, Any], words: 
     assert said["next"] in sentence
 
 
-def test_physics_is_no_table(tmp_path: Path) -> None:
+def test_physical_effects_are_not_reported_as_tables(tmp_path: Path) -> None:
     simulate({"arm": "kr30", "seed": 4, "poses": 60, "test_poses": 0}, tmp_path)
     robot = load_robot(tmp_path / "robot.yaml")
     found = diagnose(fit(load_data(tmp_path / "data.csv", robot), robot, Model(GEOMETRY)))
@@ -51,8 +51,8 @@ def test_physics_is_no_table(tmp_path: Path) -> None:
 
 
 @pytest.mark.full
-def test_a_joint_that_slides_is_not_said_to_turn(tmp_path: Path) -> None:
-    # A wave in metres was looked for per turn, and harmonics of a gear were advised on a rail.
+def test_table_of_a_prismatic_joint_advises_to_move_it(tmp_path: Path) -> None:
+    # A wave in metres was searched for per turn, and harmonics of a gear were advised for a rail.
     simulate({"arm": "stanford", "seed": 4, "poses": 120, "test_poses": 0}, tmp_path)
     robot = load_robot(tmp_path / "robot.yaml")
     table = {"effect": "transmission_pwl", "joints": [3]}
@@ -63,8 +63,8 @@ def test_a_joint_that_slides_is_not_said_to_turn(tmp_path: Path) -> None:
 
 
 @pytest.mark.full
-def test_the_slope_of_a_table_is_no_scale_beside_it(tmp_path: Path) -> None:
-    """Waves have a slope over the range of a joint; full poses know it, and it was named joint_scale."""
+def test_slope_of_a_table_is_not_named_joint_scale(tmp_path: Path) -> None:
+    """Waves have a slope over the range of a joint; orientations determine it, and it was named joint_scale."""
     waves = {"effect": "transmission_pwl", "joints": [1, 2, 3, 4, 5, 6], "shape": "waves"}
     scenario = {"arm": "kr30", "seed": 3, "poses": 700, "test_poses": 0, "columns": {"add": ["orientation"]}}
     simulate({**scenario, "instrument": {"sigma": 10e-6}, "hidden": [waves]}, tmp_path)

@@ -1,4 +1,4 @@
-"""Lost motion where nobody recorded the direction of approach: the order of the rows gives it away."""
+"""Backlash without recorded directions of approach: the order of the rows reveals it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from armtrue_sim import simulate
         ("irb2400", 134, [2]),
     ],
 )
-def test_no_effect_of_the_angle_is_named_for_it(
+def test_unrecorded_backlash_is_not_named_as_an_angle_effect(
     arm: str, seed: int, joints: list[int], tmp_path: Path
 ) -> None:
     hidden = [{"effect": "backlash", "joints": joints}]
@@ -36,7 +36,7 @@ def test_no_effect_of_the_angle_is_named_for_it(
     robot = armtrue.load_robot(tmp_path / "robot.yaml")
     data = armtrue.load_data(tmp_path / "data.csv", robot)
     assert not any(name.startswith(("dir", "travel")) for name in data.columns)
-    # A joint goes up to large angles and down to small ones: joint_scale was named.
+    # A joint moves up to large angles and down to small ones: joint_scale was named for that.
     _, story = armtrue.refine(armtrue.fit(data, robot, armtrue.load_model(tmp_path / "model.yaml", robot)))
     assert len(story.steps) == 1
     last = story.steps[-1]

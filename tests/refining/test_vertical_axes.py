@@ -1,7 +1,7 @@
-"""Arms with vertical axes only show the sum of two heights, the base's and the tool's, and not each of them.
+"""If all axes are vertical, the data show only the sum of two heights, the base's and the tool's.
 
 Where a link bends, the tool moves in proportion to its height above the bend: with a wrong split of that sum bending
-does not look like itself.
+cannot be recognised.
 """
 
 from __future__ import annotations
@@ -39,9 +39,7 @@ def tool_height(fitted: Fit) -> float:
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2])
-def test_bending_is_named_and_nothing_that_the_evidence_speaks_against_stays(
-    seed: int, tmp_path: Path
-) -> None:
+def test_bending_is_the_only_effect_added(seed: int, tmp_path: Path) -> None:
     # Half of the sum was given to the tool: bending was called unexplained, or base_compliance stayed in the model.
     fitted = scara(tmp_path, seed)
     assert abs(tool_height(fitted)) < 1e-5
@@ -55,15 +53,15 @@ def test_bending_is_named_and_nothing_that_the_evidence_speaks_against_stays(
     assert story["steps"][-1]["verdict"] == "nothing_missing"
 
 
-def test_a_height_that_is_stated_is_the_tools(tmp_path: Path) -> None:
+def test_stated_tool_height_is_kept(tmp_path: Path) -> None:
     fitted = scara(tmp_path, 1, stated=True)
     stated = load_robot(tmp_path / "robot.yaml").spec["tool"]["xyz"][2]
     assert tool_height(fitted) == pytest.approx(stated, abs=1e-5)
 
 
-def test_what_the_model_does_already_is_not_missing(tmp_path: Path) -> None:
-    # A base that grows, and a vertical slide whose zero drifts, move the tool alike: once the base's growth was in the
-    # model, the slide's was asked for all the same, and came in with nothing left for it to do.
+def test_effect_equal_to_a_fitted_one_is_not_missing(tmp_path: Path) -> None:
+    # A base that grows, and a vertical slide whose zero drifts, move the tool alike: with the base's growth in the
+    # model the slide's drift was still asked for, and was added although nothing was left for it to explain.
     simulate(
         {
             "arm": "scara",

@@ -13,7 +13,7 @@ from selenium.webdriver.chrome.service import Service
 
 LAPTOP = (1280, 800)
 PHONE = (390, 844)
-# What 8 mm margins leave of a sheet.
+# An A4 sheet less margins of 8 mm.
 A4 = (733, 1062)
 _SETTLED = """
 const done = arguments[arguments.length - 1];
@@ -22,7 +22,7 @@ requestAnimationFrame(() => requestAnimationFrame(() => done(true)));
 
 
 class Browser:
-    """A window without network, or with this machine's own alone. Sizes are CSS pixels."""
+    """A window without network, or with access to 127.0.0.1 only. Sizes are CSS pixels."""
 
     def __init__(self, *, this_machine: bool = False) -> None:
         programs = {name: shutil.which(name) for name in ("chromium", "chromedriver")}
@@ -35,7 +35,7 @@ class Browser:
         for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"):
             options.add_argument(argument)
         if this_machine:
-            # Names lead nowhere, and other addresses to a proxy that is not there.
+            # Host names do not resolve, and other addresses lead to a proxy that does not exist.
             options.add_argument("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1")
             options.add_argument("--proxy-server=http://127.0.0.1:9")
             options.add_argument("--proxy-bypass-list=127.0.0.1")
@@ -66,7 +66,7 @@ class Browser:
             self.settle()
 
     def look(self, size: tuple[int, int] = LAPTOP, *, dark: bool = False, media: str = "") -> None:
-        """Take on a size, as a phone where it is one, and a scheme of colours."""
+        """Set the size of the window, emulating a phone for PHONE, and the colour scheme."""
         width, height = size
         phone = size == PHONE
         self.command(
@@ -81,7 +81,7 @@ class Browser:
         self.command("Emulation.setEmulatedMedia", media=media, features=[scheme])
 
     def settle(self) -> None:
-        """Wait until what was asked for is drawn."""
+        """Wait until the page is drawn."""
         self.driver.execute_async_script(_SETTLED)
 
     def run(self, script: str, *arguments: Any) -> Any:
@@ -106,7 +106,7 @@ class Browser:
         return base64.b64decode(answer["data"])
 
     def complaints(self) -> list[str]:
-        """What the page wrote to the console since the last look."""
+        """Console messages of the page since the last call."""
         return [entry["message"] for entry in self.driver.get_log("browser")]
 
     def close(self) -> None:

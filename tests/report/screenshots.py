@@ -30,7 +30,7 @@ SHOTS = {
     "vectors-phone": ("#vectors", PHONE, True, 880),
     "candidates-phone": ("#candidates", PHONE, False, 1080),
 }
-# Of an arm with something that no effect names.
+# Of an arm with an error that no effect names.
 SHOTS_OF_STRUCTURE = {"unexplained-light": ("#unexplained", LAPTOP, False, None)}
 PLACE = """const box = document.querySelector(arguments[0]).getBoundingClientRect();
 return [box.top + scrollY, box.height];"""

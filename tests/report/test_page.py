@@ -19,7 +19,7 @@ from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-# In every run, tests/workbench/test_flow.py stands for the tests with a browser.
+# The quick level has one test with a browser, tests/workbench/test_flow.py.
 pytestmark = pytest.mark.full
 
 ARROWS = """return ['length0', 'length1', 'length2', 'length3']
@@ -49,7 +49,7 @@ for (const element of document.querySelectorAll('body *')) {
 }
 return [...new Set(poor)];
 """
-# The smallest letters of every chart in sight, in CSS pixels.
+# Smallest font size of every visible chart, in CSS pixels.
 HEIGHTS = """
 const charts = [...document.querySelectorAll('.panel, .stage svg')].filter((svg) => svg.checkVisibility());
 return charts.map((svg) => {
@@ -83,21 +83,21 @@ def stage(browser: Browser):
     return element
 
 
-def test_it_loads_without_network_and_without_complaints(laptop):
+def test_report_loads_offline_without_console_messages(laptop):
     assert laptop.complaints() == []
     assert laptop.run("return performance.getEntriesByType('resource').length") == 0
     assert laptop.run("return document.title") == "Calibration of kr30"
-    # (navigator.onLine does not say so in every version.)
+    # (navigator.onLine does not report this in every version.)
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), http.server.BaseHTTPRequestHandler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         asked = laptop.driver.execute_async_script(FETCH, f"http://127.0.0.1:{server.server_address[1]}/")
         server.shutdown()
     assert asked == "refused", "the window has a network"
-    laptop.complaints()  # of this very request
+    laptop.complaints()  # drops the message about this request
 
 
 @pytest.mark.parametrize("size", [LAPTOP, PHONE, (320, 640), (820, 1180)], ids=str)
-def test_nothing_runs_over_the_edge(browser, page, size):
+def test_page_is_not_wider_than_the_window(browser, page, size):
     browser.open(page, size)
     wide = "return [document.documentElement.scrollWidth, document.documentElement.clientWidth]"
     scrolled, shown = browser.run(wide)
@@ -105,7 +105,7 @@ def test_nothing_runs_over_the_edge(browser, page, size):
 
 
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
-def test_words_in_charts_are_large_enough_to_read(browser, page, size):
+def test_chart_text_is_at_least_12_pixels_high(browser, page, size):
     browser.open(page, size)
     heights = browser.run(HEIGHTS)
     assert len(heights) > 20
@@ -115,7 +115,7 @@ def test_words_in_charts_are_large_enough_to_read(browser, page, size):
 @pytest.mark.parametrize(
     ("size", "media"), [(LAPTOP, ""), (PHONE, ""), (A4, "print")], ids=["laptop", "phone", "paper"]
 )
-def test_ticks_of_charts_keep_clear_of_the_axis_names(browser, page, size, media):
+def test_chart_ticks_do_not_overlap_axis_names(browser, page, size, media):
     browser.open(page, size, media=media)
     struck = browser.run("""
         const charts = [...document.querySelectorAll('.panel:has(.axis-name)')];
@@ -130,7 +130,7 @@ def test_ticks_of_charts_keep_clear_of_the_axis_names(browser, page, size, media
 
 
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
-def test_words_of_charts_end_within_them(browser, page, size):
+def test_chart_text_ends_inside_its_chart(browser, page, size):
     browser.open(page, size)
     cut = browser.run("""
         return [...document.querySelectorAll('.panel text')].filter((t) => t.checkVisibility()).filter((t) => {
@@ -141,13 +141,13 @@ def test_words_of_charts_end_within_them(browser, page, size):
     assert cut == []
 
 
-def test_axes_say_their_units_and_that_they_are_logarithmic(laptop):
+def test_axes_state_their_unit_and_logarithmic_scale(laptop):
     plots = laptop.run("return [...document.querySelectorAll('[data-plot]')].map((e) => e.dataset.plot)")
     axes = [(axis, json.loads(plot)[axis]) for plot in plots for axis in ("x", "y")]
     assert len(axes) > 100
     for _, axis in axes:
         assert axis["name"].endswith(", logarithmic") == axis["logarithmic"]
-    # What is counted, and a direction that is −1, 0 or 1, have no unit.
+    # Counts, and directions of −1, 0 or 1, have no unit.
     bare = {axis["name"] for _, axis in axes if "[" not in axis["name"]}
     bare = {
         name
@@ -159,7 +159,7 @@ def test_axes_say_their_units_and_that_they_are_logarithmic(laptop):
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-def test_all_words_stand_out_from_their_background(browser, page, dark):
+def test_text_contrast_is_at_least_4_5(browser, page, dark):
     browser.open(page, dark=dark)
     background = browser.run("return getComputedStyle(document.documentElement).backgroundColor")
     red = int(re.findall(r"\d+", background)[0])
@@ -168,7 +168,7 @@ def test_all_words_stand_out_from_their_background(browser, page, dark):
 
 
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
-def test_all_figures_of_candidates_and_all_captions_are_in_sight(browser, page, size):
+def test_candidate_figures_and_captions_are_inside_the_window(browser, page, size):
     browser.open(page, size)
     ends = browser.run("""
         const shown = [...document.querySelectorAll('.stacked th, .stacked td, caption span')]
@@ -188,7 +188,7 @@ def test_tables_of_the_error_need_no_scrolling_on_a_laptop(laptop):
 
 
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
-def test_the_legend_of_the_arrows_lies_beside_them(browser, page, size):
+def test_legend_of_the_arrows_does_not_overlap_them(browser, page, size):
     browser.open(page, size)
     stage(browser)
     browser.settle()
@@ -201,7 +201,7 @@ def test_the_legend_of_the_arrows_lies_beside_them(browser, page, size):
     assert right <= size[0] - 30
 
 
-def test_every_arrow_is_there_and_has_its_length(laptop, fits):
+def test_arrow_lengths_match_the_horizontal_errors(laptop, fits):
     """Seen from above, an arrow is as long as its horizontal error at the scale that the ruler states."""
     stage(laptop).send_keys("1")
     strokes = re.findall(r"M(-?[\d.]+) (-?[\d.]+)L(-?[\d.]+) (-?[\d.]+)", arrows(laptop))
@@ -213,7 +213,7 @@ def test_every_arrow_is_there_and_has_its_length(laptop, fits):
     ruler = laptop.run("return document.querySelector('.ruler').getAttribute('d')")
     pixels = float(re.search(r"h-([\d.]+)", ruler)[1])
     expected = np.sort(np.hypot(*fits[-1].residuals()[:, :2].T) * 1e6 * pixels / micrometres)
-    # The longest strokes are shafts; the strokes of heads are shorter. Gross errors are cut to what there is room for.
+    # The longest strokes are shafts; the strokes of heads are shorter. Arrows of gross errors are shortened to fit.
     drawn.sort()
     gross = len(fits[-1].document["rejected"])
     assert gross >= 3
@@ -225,7 +225,7 @@ def test_every_arrow_is_there_and_has_its_length(laptop, fits):
 
 
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
-def test_every_arrow_ends_in_the_picture_gross_errors_too(browser, page, size):
+def test_every_arrow_ends_inside_the_picture(browser, page, size):
     browser.open(page, size)
     stage(browser)
     browser.settle()
@@ -242,7 +242,7 @@ def test_every_arrow_ends_in_the_picture_gross_errors_too(browser, page, size):
 @pytest.mark.parametrize(
     "key", [Keys.ARROW_LEFT, Keys.ARROW_UP, "+", "2", "]"], ids=["left", "up", "plus", "2", "]"]
 )
-def test_keys_move_the_picture_and_0_brings_it_back(laptop, key):
+def test_keys_move_the_view_and_0_resets_it(laptop, key):
     view = stage(laptop)
     before = arrows(laptop)
     view.send_keys(key)
@@ -251,7 +251,7 @@ def test_keys_move_the_picture_and_0_brings_it_back(laptop, key):
     assert arrows(laptop) == before
 
 
-def test_the_mouse_turns_and_the_wheel_zooms(laptop):
+def test_mouse_drag_turns_and_wheel_zooms_the_view(laptop):
     view = stage(laptop)
     before = arrows(laptop)
     ActionChains(laptop.driver).click_and_hold(view).move_by_offset(90, 30).release().perform()
@@ -261,7 +261,7 @@ def test_the_mouse_turns_and_the_wheel_zooms(laptop):
     assert arrows(laptop) != turned
 
 
-def test_fingers_turn_and_pinch(browser, page):
+def test_touch_turns_and_pinch_zooms_the_view(browser, page):
     browser.open(page, PHONE)
     view = stage(browser)
     box = browser.run(
@@ -288,7 +288,7 @@ def test_fingers_turn_and_pinch(browser, page):
     assert arrows(browser) != turned
 
 
-def test_the_worst_pose_is_read_out_as_it_was_measured(laptop, fits):
+def test_key_n_reads_out_the_worst_pose(laptop, fits):
     stage(laptop).send_keys("n")
     laptop.settle()
     words = laptop.driver.find_element(By.CSS_SELECTOR, ".readout").text
@@ -297,7 +297,7 @@ def test_the_worst_pose_is_read_out_as_it_was_measured(laptop, fits):
     assert words.startswith(f"Row {row}: {1e6 * lengths.max():.0f} µm")
 
 
-def test_the_first_step_can_be_shown_at_the_same_scale(laptop):
+def test_first_step_is_shown_at_the_same_scale(laptop):
     def ruler() -> str:
         return str(laptop.run("return document.querySelector('.ruler').getAttribute('d')"))
 
@@ -308,7 +308,7 @@ def test_the_first_step_can_be_shown_at_the_same_scale(laptop):
     assert ruler() == scale
 
 
-def test_views_of_the_state_are_chosen_by_keyboard(laptop):
+def test_arrow_key_chooses_the_next_state_view(laptop):
     shown = """return [...document.querySelectorAll('.view')]
         .filter((view) => view.checkVisibility()).map((view) => view.dataset.view)"""
     assert laptop.run(shown) == ["telling"]
@@ -317,7 +317,7 @@ def test_views_of_the_state_are_chosen_by_keyboard(laptop):
     assert laptop.run(shown) == ["x"]
 
 
-def test_the_keyboard_reaches_everything_in_order(laptop):
+def test_tab_key_reaches_all_controls_in_order(laptop):
     laptop.run("document.body.focus(); window.scrollTo(0, 0)")
     reached = []
     for _ in range(80):
@@ -333,7 +333,7 @@ def test_the_keyboard_reaches_everything_in_order(laptop):
         assert stop in reached
 
 
-def test_a_screen_reader_finds_headings_and_names(laptop):
+def test_accessibility_tree_has_headings_and_names(laptop):
     nodes = laptop.command("Accessibility.getFullAXTree")["nodes"]
     read = [
         (node["role"]["value"], node.get("name", {}).get("value", ""))
@@ -350,7 +350,7 @@ def test_a_screen_reader_finds_headings_and_names(laptop):
     assert "main" in {role for role, _ in read}
 
 
-def test_paper_holds_everything_that_matters(browser, page, tmp_path):
+def test_printed_report_has_all_sections(browser, page, tmp_path):
     browser.open(page)
     path = tmp_path / "report.pdf"
     path.write_bytes(browser.paper())
@@ -369,7 +369,7 @@ def test_paper_holds_everything_that_matters(browser, page, tmp_path):
     assert "Next worst" not in text
 
 
-def test_eight_added_effects_fit_on_eight_sheets(browser, fits, tmp_path):
+def test_report_of_eight_added_effects_prints_on_eight_sheets(browser, fits, tmp_path):
     longer, diagnoses = [fits[0]], [diagnose(fits[0])]
     while len(longer) < 9:
         tried = (c for c in diagnoses[-1].candidates if not _has(longer[-1], c))
@@ -397,7 +397,7 @@ def _has(fit: Fit, candidate) -> bool:
     )
 
 
-def test_paper_has_every_folded_part_open(browser, page):
+def test_printed_report_opens_every_folded_part(browser, page):
     browser.open(page, media="print")
     folded, hidden = browser.run("""
         const parts = [...document.querySelectorAll('details')].filter((d) => d.checkVisibility());
@@ -408,7 +408,7 @@ def test_paper_has_every_folded_part_open(browser, page):
     assert hidden == []
 
 
-def test_tables_end_within_their_column_on_paper(browser, page):
+def test_printed_tables_fit_their_column(browser, page):
     browser.open(page, A4, media="print")
     wide = browser.run("""
         return [...document.querySelectorAll('.listings table')]
@@ -417,7 +417,7 @@ def test_tables_end_within_their_column_on_paper(browser, page):
     assert wide == []
 
 
-def test_no_figure_or_card_of_an_effect_breaks_across_sheets(browser, page):
+def test_printed_figures_do_not_break_across_sheets(browser, page):
     browser.open(page, A4, media="print")
     broken = browser.run(
         "return [...document.querySelectorAll('figure')].filter((figure) => figure.checkVisibility())"
@@ -428,7 +428,7 @@ def test_no_figure_or_card_of_an_effect_breaks_across_sheets(browser, page):
     assert broken == []
 
 
-def test_paper_is_white_even_at_night_and_shows_three_views(browser, page):
+def test_printed_report_is_white_in_dark_mode_with_three_views(browser, page):
     browser.open(page, dark=True, media="print")
     assert (
         browser.run("return getComputedStyle(document.documentElement).backgroundColor")
@@ -439,7 +439,7 @@ def test_paper_is_white_even_at_night_and_shows_three_views(browser, page):
     assert browser.run("return document.querySelector('nav').checkVisibility()") is False
 
 
-def test_without_scripts_all_but_one_picture_is_there(browser, page):
+def test_without_scripts_only_one_picture_is_missing(browser, page):
     browser.open(page, scripts=False)
     tree = browser.command("Accessibility.getFullAXTree")["nodes"]
     names = [node.get("name", {}).get("value", "") for node in tree if not node.get("ignored")]
@@ -447,7 +447,7 @@ def test_without_scripts_all_but_one_picture_is_there(browser, page):
     assert sum(name.startswith("Spectrum of the residual") for name in names) == 6
 
 
-def test_bars_of_candidates_are_as_long_as_their_shares(laptop):
+def test_candidate_bars_are_as_long_as_their_shares(laptop):
     bars = laptop.run("""
         const wide = (e, name) => e.querySelector(name).offsetWidth;
         const shares = [...document.querySelectorAll('.share')].filter((e) => e.checkVisibility());
@@ -457,7 +457,7 @@ def test_bars_of_candidates_are_as_long_as_their_shares(laptop):
         assert length == pytest.approx(percent / 100.0, abs=0.02)
 
 
-def test_a_tap_reads_an_arrow(browser, page):
+def test_tap_on_an_arrow_reads_it_out(browser, page):
     browser.open(page, PHONE)
     stage(browser)
     x, y = browser.run("""const box = document.querySelector('.stage').getBoundingClientRect();
@@ -470,7 +470,7 @@ def test_a_tap_reads_an_arrow(browser, page):
     assert browser.driver.find_element(By.CSS_SELECTOR, ".readout").text.startswith("Row ")
 
 
-def test_colour_never_stands_alone(laptop, fits: list[Fit]):
+def test_lines_and_marks_differ_in_more_than_colour(laptop, fits: list[Fit]):
     """The first step's lines are dashed where the last step's are solid, and marks differ in shape."""
     dashes = laptop.run("""return ['first', 'last', 'threshold', 'ratio'].map((name) =>
         getComputedStyle(document.querySelector('#spectra .' + name)).strokeDasharray)""")

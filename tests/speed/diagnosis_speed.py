@@ -1,4 +1,4 @@
-"""The time of the whole catalogue, spectra included, its growth, and that of a refinement with three hidden effects."""
+"""Time of a diagnosis (catalogue and spectra) by number of poses, and of a refinement with three hidden effects."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ SEEDS = 5
 
 
 def fit_of(c: Campaign) -> Any:
-    """Fit what the owner believes."""
+    """Fit the believed model."""
     columns = {name: np.ascontiguousarray(v, dtype=float) for name, v in c.data.items()}
     return _core.fit(json.dumps(c.robot), columns, json.dumps(c.model), "{}")
 
 
 def timed(action: Any, times: int) -> tuple[float, float, Any]:
-    """Least wall and processor seconds of some runs, and what the last gave."""
+    """Least wall and processor seconds of some runs, and the result of the last."""
     wall, cpu, result = [], [], None
     for _ in range(times):
         w, p = time.perf_counter(), time.process_time()

@@ -1,7 +1,7 @@
-"""A fit's time beside scipy and PyPI pybotics on the same problem, its growth, and what it could not do without.
+"""A fit's time beside scipy and PyPI pybotics on the same problem, its growth, and the least operations it needs.
 
 `./dev bench fit` runs it; --rivals PYTHON is the interpreter that has scipy and pybotics. Everything in one run. The
-last of the three goes to standard error: who works on the fitter wants it, docs/results.md need not keep it.
+last of the three goes to standard error: it is for work on the fitter and not kept in docs/results.md.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def campaign(poses: int) -> Campaign:
 
 
 def columns_of(c: Campaign) -> dict[str, Any]:
-    """Columns without the torques: those come from the masses."""
+    """Columns without the torques, which the fit computes from the masses."""
     return {
         name: np.ascontiguousarray(v, dtype=float) for name, v in c.data.items() if not name.startswith("tau")
     }
@@ -62,7 +62,7 @@ def fit_once(c: Campaign, cross_validate: bool) -> tuple[float, Any]:
 
 
 def rms_um(fit: Any) -> float:
-    """RMS distance [um] that is left."""
+    """RMS of the remaining distances [um]."""
     return float(np.sqrt(np.mean(np.sum(np.asarray(fit.residuals()) ** 2, axis=1))) * 1e6)
 
 
@@ -121,14 +121,14 @@ def compare(rivals: str) -> None:
 
 
 def account(seconds: float, parameters: int, rows: int = 300, joints: int = 6) -> None:
-    """Floating-point operations that a fit cannot do without, beside what this machine does at best."""
+    """Print the least floating-point operations of a fit beside this machine's highest rate."""
     # Rigid transforms in a chain: 45 + 18 for each of the fixed and the joint's own, 63 for a virtual joint.
     forward = rows * (joints + 2) * 3 * 63
     # A column: a cross product and a difference (12), or a copied axis; then whitened by 3 x 3 (15).
     jacobian = rows * parameters * (12 + 15)
     normal = rows * 3 * parameters * (parameters + 1)
     factor = parameters**3 / 3 + 2 * parameters**2
-    passes = 4  # two of Gauss and Newton, one to decide what is identifiable, one for the covariance
+    passes = 4  # two Gauss-Newton steps, one to decide what is identifiable, one for the covariance
     needed = passes * (forward + jacobian + normal + factor)
     a = np.random.default_rng(0).standard_normal((400, 400))
     a @ a
@@ -156,7 +156,7 @@ def growth() -> None:
     print("\nGrowth\n")
     print("| poses | fit [s] | us a pose | peak memory [MB] |\n|---|---|---|---|")
     for poses in (1000, 10000, 100000):
-        # A process of its own: the peak is the process's.
+        # In its own process: peak memory is known per process.
         done = subprocess.run(
             [sys.executable, __file__, "--grown", str(poses)], capture_output=True, text=True, check=True
         )
@@ -164,11 +164,11 @@ def growth() -> None:
 
 
 def grown(poses: int) -> None:
-    """One line of that table."""
+    """Print one line of the table of `growth`."""
     base = campaign(min(poses, 5000))
     times = poses // len(base.data["x"])
     rng = np.random.default_rng(1)
-    # The simulator's loops are not what is measured: further poses are its own with fresh noise.
+    # The simulator is not what is measured: further poses are copies of its poses with new noise.
     columns = {name: np.tile(v, times) for name, v in columns_of(base).items()}
     for axis in "xyz":
         columns[axis] = columns[axis] + 1e-6 * rng.standard_normal(len(columns[axis]))

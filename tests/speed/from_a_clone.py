@@ -1,7 +1,7 @@
 """Times `./dev demo` and `./dev test` in a fresh clone of HEAD on a bare Debian 12, and prints a table of each.
 
-The bare Debian is debootstrap's minimal one in a folder, entered with chroot; git and this machine's way to its package
-servers are all that is added. Needs root.
+The bare Debian is debootstrap's minimal one in a folder, entered with chroot; added are only git and this machine's
+settings for access to its package servers. Needs root.
 """
 
 from __future__ import annotations

@@ -14,11 +14,11 @@ import time
 import numpy as np
 from scipy.optimize import least_squares
 
-MOST_EVALUATIONS = 60  # with each a Jacobian by differences
+MOST_EVALUATIONS = 60  # each with a Jacobian by finite differences
 
 
 def rotation(rpy):
-    """Fixed axes x, y, z."""
+    """Rotation matrix of angles about the fixed axes x, y, z."""
     cr, sr, cp, sp, cy, sy = *_cs(rpy[0]), *_cs(rpy[1]), *_cs(rpy[2])
     return np.array(
         [
@@ -56,7 +56,7 @@ def chain(q, a, alpha, d, theta, beta):
 
 
 def scipy_fit(problem):
-    """Residuals in micrometres of all MDH parameters, Hayati's turns, base, tool, and a spring on every axis."""
+    """Fit all MDH parameters, Hayati's turns, base, tool, and a spring on every axis; residuals in micrometres."""
     q, tau, measured = problem["q"], problem["tau"], problem["measured"]
     nominal = problem["mdh"]  # a, alpha, d, theta: (n, 4)
     n = len(nominal)
@@ -85,9 +85,9 @@ def scipy_fit(problem):
 
 
 def pybotics_fit(problem, scale):
-    """Its own recipe: OptimizationHandler, and optimize_accuracy as the function of scipy's least_squares.
+    """By pybotics' own recipe: OptimizationHandler, and optimize_accuracy as the function of scipy's least_squares.
 
-    It knows no springs: its joints stand where the fitted springs let them, which spares it a fifth of the columns.
+    It has no springs: its joint angles include the fitted springs' deflection, which saves it a fifth of the columns.
     """
     from pybotics.kinematic_chain import MDHKinematicChain
     from pybotics.optimization import OptimizationHandler, optimize_accuracy
@@ -95,7 +95,7 @@ def pybotics_fit(problem, scale):
     from pybotics.tool import Tool
 
     nominal = problem["mdh"] * np.array([scale, 1.0, scale, 1.0])
-    # Its rows are alpha, a, theta, d.
+    # Rows of pybotics are alpha, a, theta, d.
     robot = Robot(MDHKinematicChain(nominal[:, [1, 0, 3, 2]].ravel()))
     robot.tool = Tool()
     robot.tool.position = problem["tool"] * scale

@@ -18,7 +18,7 @@ import pytest
 pytestmark = pytest.mark.full
 
 ROOT = Path(__file__).resolve().parents[2]
-# What every Linux of the wheel's age brings (the manylinux policies).
+# Libraries of every Linux of the wheel's age (the manylinux policies).
 SYSTEM = {
     "libc.so.6",
     "libm.so.6",
@@ -48,7 +48,7 @@ def environment_with(wheel: Path, folder: Path, *words: str | Path) -> Path:
 
 @pytest.fixture(scope="session")
 def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """With the versions of tools/requirements."""
+    """An environment with the versions of tools/requirements."""
     limits = ROOT / "tools/requirements/run.txt"
     return environment_with(wheel, tmp_path_factory.mktemp("environment"), "--constraint", limits)
 
@@ -59,7 +59,7 @@ def armtrue(environment: Path, tmp_path_factory: pytest.TempPathFactory) -> Armt
 
 
 def command_in(environment: Path, work: Path) -> Armtrue:
-    """Runs the command with nothing else on the path, in a folder of its own."""
+    """Runs the command in the folder `work`, with nothing else on the path."""
 
     def run(*words: str, status: int = 0) -> str:
         done = subprocess.run(
@@ -81,13 +81,13 @@ def contents(wheel: Path) -> dict[str, bytes]:
         return {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}
 
 
-def test_wheel_fits_any_linux_and_says_the_version(wheel: Path, armtrue: Armtrue) -> None:
+def test_wheel_is_manylinux_and_prints_its_version(wheel: Path, armtrue: Armtrue) -> None:
     assert re.fullmatch(r"armtrue-[\d.]+-cp311-cp311-manylinux[\w.]+\.whl", wheel.name)
     assert armtrue("--version") == f"armtrue {(ROOT / 'VERSION').read_text()}"
 
 
-def test_newest_versions_that_the_wheel_allows_serve_as_well(wheel: Path, tmp_path: Path) -> None:
-    # A stranger's pip took a Typer without Click, and no command began.
+def test_wheel_works_with_the_newest_allowed_dependencies(wheel: Path, tmp_path: Path) -> None:
+    # A user's pip installed a Typer without Click, and no command started.
     armtrue = command_in(environment_with(wheel, tmp_path / "environment"), tmp_path)
     assert "[rad, m]" in armtrue("export", "--help")
     armtrue("simulate", "kr30-eccentric-gear", "--out", "kr30")
@@ -98,7 +98,7 @@ def test_newest_versions_that_the_wheel_allows_serve_as_well(wheel: Path, tmp_pa
     assert "table format 1" in armtrue("tables", "info", "tables.bin")
 
 
-def test_libraries_need_nothing_but_the_system_and_the_wheel(environment: Path) -> None:
+def test_libraries_need_only_the_system_and_the_wheel(environment: Path) -> None:
     (package,) = environment.glob("lib/python3*/site-packages/armtrue")
     libraries = [*package.rglob("*.so*"), *package.parent.glob("armtrue.libs/*")]
     assert len(libraries) >= 3
@@ -120,7 +120,7 @@ def test_notice_names_every_library_and_none_is_under_the_gpl(wheel: Path) -> No
     assert {"LICENSE", "NOTICE", *(path.name for path in (ROOT / "licenses").iterdir())} <= licences
     (core,) = (content for name, content in held.items() if "/_core" in name and name.endswith(".so"))
     assert b"ceres" in core
-    # CHOLMOD's supernodal modules are what is under the GPL in Debian's Ceres; CXSparse is under the LGPL.
+    # In Debian's Ceres, CHOLMOD's supernodal modules are under the GPL and CXSparse is under the LGPL.
     assert b"cholmod_super" not in core
     assert b"cs_di_" not in core
 
@@ -149,7 +149,7 @@ def test_every_command_has_its_help(armtrue: Armtrue) -> None:
     assert seen >= 20
 
 
-def test_the_whole_way_from_simulation_to_corrected_commands(armtrue: Armtrue) -> None:
+def test_workflow_from_simulation_to_corrected_commands_runs(armtrue: Armtrue) -> None:
     armtrue("simulate", "kr30-eccentric-gear", "--out", ".")
     armtrue("check", "data.csv", "--robot", "robot.yaml")
     armtrue("fit", "data.csv", "--robot", "robot.yaml", "--model", "model.yaml", "--out", "fit.json")

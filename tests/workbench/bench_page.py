@@ -1,4 +1,4 @@
-"""The page by the roles and names of the contract, as a person or a screen reader finds its parts."""
+"""The page, its elements found by the roles and names of the contract, as a person or a screen reader finds them."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Page:
         self.address = address
         browser.look(size)
         browser.driver.get(address)
-        browser.complaints()  # those of a page before this one
+        browser.complaints()  # discards those of an earlier page
         self.until(lambda: self.candidates(), "candidates")
 
     def until(self, true: Callable[[], Any], what: str) -> Any:
-        """Wait until something is so, and return it."""
+        """Wait until `true` returns something true, and return that."""
         end = time.monotonic() + self.patience_s
         while time.monotonic() < end:
             if found := true():
@@ -42,7 +42,7 @@ class Page:
         )
 
     def by_role(self, tags: str, role: str, name: str | None = None) -> list[WebElement]:
-        """Elements of a role, and of a name if given. Those that were replaced while they were asked are found anew."""
+        """Elements of a role, and of a name if given. Searched again if the page replaces one of them meanwhile."""
         while True:
             found = self.browser.driver.find_elements(By.CSS_SELECTOR, tags)
             try:
@@ -59,7 +59,7 @@ class Page:
         return found[0]
 
     def with_one(self, tags: str, role: str, name: str, act: Callable[[WebElement], Any]) -> Any:
-        """`act` on the one element of a role and name; found anew where the page replaced it before that."""
+        """`act` on the one element of a role and name; searched again if the page replaces it meanwhile."""
         while True:
             try:
                 return act(self.one(tags, role, name))
@@ -67,19 +67,19 @@ class Page:
                 continue
 
     def button(self, name: str) -> WebElement:
-        """One of the buttons above."""
+        """A button of the page's header."""
         return self.one("header button", "button", name)
 
     def press(self, name: str) -> None:
-        """Press one of the buttons above and wait for what it says."""
+        """Press a button of the page's header and wait for the new status."""
         self.after(self.button(name).click)
 
     def press_plan(self) -> str:
-        """Press Plan poses, and return what the page then says."""
+        """Press Plan poses, and return the new status."""
         return self.after(self.one("main button", "button", "Plan poses").click)
 
     def after(self, act: Callable[[], None]) -> str:
-        """Do something, and return what the page then says of the error."""
+        """Call `act`, wait for a new status or a failure, and return the status."""
         before = self.status()
         act()
         self.until(lambda: self.status() != before or self.failure(), "word of what was done")
@@ -94,11 +94,11 @@ class Page:
         return str(self.browser.run("return document.querySelector('[role=alert]').textContent"))
 
     def text(self, piece: str) -> str:
-        """The words of a piece of the page."""
+        """The text of a piece of the page."""
         return str(self.browser.run(f"return document.querySelector('[data-piece={piece}]').innerText"))
 
     def candidates(self) -> list[str]:
-        """What the rows of the table begin with."""
+        """Texts of the rows of the table of candidates."""
         rows = "return [...document.querySelectorAll('table[aria-label=Candidates] tbody tr')].map((r) => r.innerText)"
         return [str(row) for row in self.browser.run(rows)]
 
@@ -111,7 +111,7 @@ class Page:
         return self.after(buttons[0].click)
 
     def model(self) -> list[str]:
-        """Entries of the model, as they are called."""
+        """Names of the entries of the model."""
         entries = self.one("ul", "list", "Model").find_elements(By.TAG_NAME, "li")
         return [entry.find_element(By.CSS_SELECTOR, "span").text for entry in entries]
 
@@ -122,5 +122,5 @@ class Page:
         return self.after(entry.find_element(By.CSS_SELECTOR, "[data-act=remove]").click)
 
     def error(self) -> str:
-        """The words of the region Error."""
+        """The text of the region Error."""
         return self.one("section", "region", "Error").text

@@ -64,7 +64,7 @@ def measured(page: Page, actions: int) -> tuple[list[float], list[float], list[f
 
 
 def diagnosed_s(page: Page, workbench: Workbench) -> float:
-    """Seconds from a click on Add until the diagnosis of the new model stands there too."""
+    """Seconds from a click on Add until the diagnosis of the new model is shown too."""
     begun = time.monotonic()
     page.add()
     page.until(lambda: workbench.state()["verdict"] and not workbench.state()["diagnosing"], "verdict")

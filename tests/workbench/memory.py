@@ -19,7 +19,7 @@ from opened import TWO_HIDDEN, Workbench
 POSES, ACTIONS, EVERY = 300, 500, 100
 _PATIENCE_S = 600.0
 _CANDIDATES = 8
-_READINGS = 5  # of which a figure is the least
+_READINGS = 5  # a figure is the least of these
 
 
 def resident_mb(workbench: Workbench) -> float:
@@ -29,9 +29,9 @@ def resident_mb(workbench: Workbench) -> float:
 
 
 def held_over(workbench: Workbench, actions: int, every: int, diagnosed_every: int = 4) -> list[float]:
-    """Memory [MB] after each `every` of so many actions: Add, Undo, Redo and Remove in turn, each waited for.
+    """Memory [MB] after each `every` of `actions` actions: Add, Undo, Redo and Remove in turn, each waited for.
 
-    `diagnosed_every`: after so many actions a diagnosis is waited for; the next action stops the others. Freed memory
+    `diagnosed_every`: after this many actions a diagnosis is waited for; the next action stops the others. Freed memory
     goes back to the system in pieces, so a figure is the least of those after the last few diagnoses.
     """
     _wait_for_diagnosis(workbench)
@@ -61,7 +61,7 @@ def _do(workbench: Workbench, **words: Any) -> dict[str, Any]:
 
 
 def _wait_for_diagnosis(workbench: Workbench) -> None:
-    """Wait until its result is there and it has given back its memory, which beside other programs takes a while."""
+    """Wait until its result is there and its memory is freed, which takes a while beside other programs."""
     end = time.monotonic() + _PATIENCE_S
     while not (state := workbench.state())["candidates"] or state["diagnosing"]:
         assert time.monotonic() < end, f"no diagnosis within {_PATIENCE_S} s"

@@ -1,4 +1,4 @@
-"""`armtrue open` as a process of its own, and requests to it as no browser would make them."""
+"""`armtrue open` as a process of its own, and requests to it, also such as no browser makes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 ARMTRUE = str(Path(sys.executable).with_name("armtrue"))
 _PATIENCE_S = 120.0
 
-# Two effects that the believed model lacks, either of them clear.
+# Two effects that the believed model lacks, both clear in the data.
 TWO_HIDDEN = {
     "arm": "kr30",
     "seed": 8,
@@ -40,7 +40,7 @@ class Workbench:
             stderr=subprocess.PIPE,
             text=True,
             env=environment,
-            # A test run that was put into the background leaves Ctrl-C ignored.
+            # A test run in the background has Ctrl-C ignored, and child processes inherit that.
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         )
         self.address = ""
@@ -54,7 +54,7 @@ class Workbench:
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """The port on which it listens."""
         return int(urlsplit(self.address).port or 0)
 
     @property
@@ -65,7 +65,7 @@ class Workbench:
     def ask(
         self, path: str, method: str = "GET", body: bytes | None = None, **headers: str
     ) -> http.client.HTTPResponse:
-        """One request, whose headers may be any; answered whole."""
+        """Send one request with any headers; its response."""
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=_PATIENCE_S)
         connection.request(method, path, body, {"Host": f"127.0.0.1:{self.port}", **headers})
         return connection.getresponse()
@@ -75,12 +75,12 @@ class Workbench:
         return dict(json.loads(self.ask(f"{self.path}state.json").read()))
 
     def drafted(self, column: str, what: str) -> str | None:
-        """What the server keeps of the form of guesses: what a column is, or its unit."""
+        """The server's draft of the form of guesses: what a column is, or its unit."""
         view = json.loads(self.ask(f"{self.path}view.json").read())
         return view["draft"].get("form", {}).get("columns", {}).get(column, {}).get(what)
 
     def do(self, **words: Any) -> int:
-        """Ask for an action; the status of the answer."""
+        """Request an action; the HTTP status of the answer."""
         return self.ask(f"{self.path}do", "POST", json.dumps(words).encode()).status
 
     def end(self) -> int:

@@ -43,7 +43,7 @@ def save_film(frames: list[Image.Image], path: Path) -> None:
 
 
 def look_at_a_variable(page: Page) -> None:
-    """What is left over against a joint, with some poses selected there."""
+    """Show the residual against a joint, with some poses selected."""
     run = page.browser.run
     run("document.querySelector('details[data-panel=state]').open = true")
     page.until(lambda: run("return document.querySelector('#looking') !== null"), "chart")

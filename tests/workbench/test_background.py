@@ -1,4 +1,4 @@
-"""A large campaign: figures stand before the diagnosis, which runs in the background and can be stopped."""
+"""A large campaign: figures are shown before the diagnosis, which runs in the background and can be stopped."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_figures_of_a_large_campaign_do_not_wait_for_the_diagnosis(start, browse
     assert len(shown["steps"]) == 2
     assert (shown["verdict"], shown["candidates"], shown["diagnosing"]) == (None, [], True)
     assert "being worked out" in page.text("verdict")
-    # What is drawn of the fit alone does not wait either.
+    # The pictures that need only the fit do not wait either.
     page.until(lambda: browser.run("return document.querySelector('.stage svg') !== null"), "picture")
     assert workbench.state()["diagnosing"]
 
@@ -59,7 +59,7 @@ def test_another_step_does_not_wait_for_the_diagnosis_of_the_last(start, browser
     assert page.failure() == ""
 
 
-def test_first_figures_of_some_measurements_stand_while_all_are_fitted(start, browser, tmp_path):
+def test_first_figures_of_some_rows_are_shown_while_all_are_fitted(start, browser, tmp_path):
     armtrue_sim.simulate({**TWO_HIDDEN, "poses": MANY_POSES}).write(tmp_path)
     workbench = start(tmp_path / "data.csv")
     page = Page(browser, workbench.address)

@@ -1,4 +1,4 @@
-"""The card of a candidate, and the poses that would decide between it and what else it could be."""
+"""The card of a candidate, and the poses that would decide between it and its rivals."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ pytestmark = pytest.mark.full
 
 @pytest.fixture
 def card(page):
-    """Opens the card of a candidate and answers with its words once the evidence is drawn."""
+    """Opens the card of a candidate and returns its text once the evidence is drawn."""
 
     def opened(name: str) -> str:
         rows = page.candidates()
@@ -27,7 +27,7 @@ MOVED = "return document.querySelector('.effect-picture animate').getAttribute('
 PLACE = "return document.querySelector('.effect-picture').getCurrentTime()"
 
 
-def test_a_card_says_what_the_effect_does_how_large_it_may_be_and_what_it_could_be_instead(page, card):
+def test_card_shows_formula_bound_and_rivals_of_the_effect(page, card):
     words = card("gear_harmonics 3")
     for part in (
         "motor3 += sin1·sin(q3)",
@@ -47,7 +47,7 @@ def test_a_card_says_what_the_effect_does_how_large_it_may_be_and_what_it_could_
     assert page.browser.complaints() == []
 
 
-def test_the_picture_can_be_held_still(page, card):
+def test_picture_can_be_stopped_and_moved_again(page, card):
     card("gear_harmonics 3")
     page.one("#card button", "button", "Hold still").click()
     first = page.browser.run(PLACE)
@@ -57,7 +57,7 @@ def test_the_picture_can_be_held_still(page, card):
     page.until(lambda: page.browser.run(PLACE) > first, "motion")
 
 
-def test_the_picture_stands_still_for_who_wants_less_motion(page, card):
+def test_picture_is_still_if_reduced_motion_is_preferred(page, card):
     page.browser.driver.execute_cdp_cmd(
         "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]}
     )

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.full
 
 
 class Cable(can.BusABC):
-    """A bus to a node that stays when the bus is closed."""
+    """A bus to a node; closing the bus does not end the node."""
 
     def __init__(self, node: InProcessNode) -> None:
         super().__init__("in process")
@@ -81,21 +81,21 @@ def test_a_model_is_uploaded_watched_and_confirmed(browser, bench):
     assert "confirmed" in page.after(page.one("main button", "button", "Confirm").click)
     page.until(lambda: "table on trial" not in live(page), "end of the trial")
     assert page.failure() == ""
-    # A table that is confirmed cannot be taken back: the device says so, and the page says that.
+    # A confirmed table cannot be reverted: the device refuses, and the page shows its reason.
     page.after(page.one("main button", "button", "Revert").click)
     assert "no table is on trial" in page.failure()
     assert engine.session.nodes
 
 
-def test_without_a_device_there_is_no_part_for_it(page, workbench):
+def test_page_without_a_device_has_no_device_part(page, workbench):
     assert page.text("device") == ""
     assert workbench.ask(f"{workbench.path}device").status == 400
 
 
-def test_a_device_that_does_not_answer_is_one_sentence(tmp_path):
+def test_silent_device_is_reported_in_one_sentence(tmp_path):
     class Silent(Cable):
         def send(self, msg: can.Message, timeout: float | None = None) -> None:
-            """Nobody hears it."""
+            """Drop the frame."""
 
     device = Device(lambda: Silent(None), "nowhere", NODE_ID, 0.05)
     end = time.monotonic() + 30.0
@@ -107,6 +107,6 @@ def test_a_device_that_does_not_answer_is_one_sentence(tmp_path):
         device.order("cfrm")
 
 
-def test_a_bus_half_named_is_refused(start):
+def test_interface_without_a_channel_is_refused(start):
     with pytest.raises(AssertionError, match="expected both"):
         start("--interface", "socketcan")

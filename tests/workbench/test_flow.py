@@ -7,7 +7,7 @@ def mean_um(state):
     return state["error"]["held_out"]["mean_um"]
 
 
-def test_adding_both_hidden_effects_leaves_nothing_missing_and_undo_leads_to_another_branch(page, workbench):
+def test_both_effects_added_leave_nothing_missing_undo_branches(page, workbench):
     begun = workbench.state()
     assert begun["verdict"] == "missing_effect"
     assert f"{mean_um(begun):.1f} µm" in page.error()

@@ -1,4 +1,4 @@
-"""Foreign files: what was guessed as a form beside the first rows, mended by a button, changed by hand, and opened."""
+"""Foreign files: guesses shown as a form beside the first rows, corrected by a button or by hand, and opened."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def empty(start, browser) -> Page:
 
 @pytest.fixture
 def guessed(start, browser, campaign):
-    """Drops a foreign file and the arm on an empty workbench, and opens them as far as the guesses."""
+    """Drops a foreign file and the arm on an empty workbench, and opens them up to the form of guesses."""
 
     def drop(path) -> Page:
         page = empty(start, browser)
@@ -68,7 +68,7 @@ def opened_mean_um(page: Page) -> float:
 
 @pytest.fixture
 def right_um(guessed, foreign) -> float:
-    """What the file as it should be leads to; that workbench is gone, so that another may open the same session."""
+    """Held-out mean error with the correct file. Its workbench is killed, so that another may open the same session."""
     page = guessed(foreign())
     mean_um = opened_mean_um(page)
     page.workbench.kill()
@@ -76,7 +76,7 @@ def right_um(guessed, foreign) -> float:
 
 
 def shown(page: Page, label: str) -> str:
-    """What a field of the form says."""
+    """The value of a field of the form."""
     return str(page.with_one("#opening select", "combobox", label, lambda e: e.get_attribute("value")))
 
 
@@ -84,7 +84,7 @@ def choose(page: Page, label: str, value: str) -> None:
     page.with_one("#opening select", "combobox", label, lambda e: Select(e).select_by_value(value))
 
 
-def test_the_form_shows_separator_units_and_columns_beside_the_first_rows(guessed, foreign):
+def test_form_shows_separator_units_columns_and_first_rows(guessed, foreign):
     page = guessed(foreign())
     assert shown(page, "separator") == "semicolon"
     assert shown(page, "decimal") == ","
@@ -96,7 +96,7 @@ def test_the_form_shows_separator_units_and_columns_beside_the_first_rows(guesse
     page.until(page.candidates, "candidates")
 
 
-def test_a_joint_that_turns_the_other_way_is_found_and_mended_by_a_button(guessed, foreign, right_um):
+def test_reversed_joint_is_found_and_corrected_by_a_button(guessed, foreign, right_um):
     page = guessed(foreign(turned=3))
     assert "joint 3 turns the other way" in page.text("opening")
     page.one("#opening button", "button", "Mend this").click()
@@ -104,7 +104,7 @@ def test_a_joint_that_turns_the_other_way_is_found_and_mended_by_a_button(guesse
     assert opened_mean_um(page) == pytest.approx(right_um, rel=1e-6)
 
 
-def test_columns_named_wrongly_are_put_right_in_the_form(guessed, foreign, right_um):
+def test_wrongly_named_columns_are_corrected_in_the_form(guessed, foreign, right_um):
     page = guessed(foreign(swapped=True))
     choose(page, "X is", "y")
     page.with_one("#opening button", "button", "Open with these", WebElement.click)
@@ -114,7 +114,7 @@ def test_columns_named_wrongly_are_put_right_in_the_form(guessed, foreign, right
     assert opened_mean_um(page) == pytest.approx(right_um, rel=1e-6)
 
 
-def test_the_arm_is_drawn_at_once_and_a_wrong_sign_is_seen(guessed, foreign):
+def test_picture_shows_that_a_reversed_joint_misses_the_points(guessed, foreign):
     page = guessed(foreign(turned=3))
     (picture,) = page.by_role("#opening svg", "image")
     assert "does not reach its points" in picture.accessible_name
@@ -122,7 +122,7 @@ def test_the_arm_is_drawn_at_once_and_a_wrong_sign_is_seen(guessed, foreign):
     page.until(lambda: "The arm reaches its points" in page.text("opening"), "arm among its points")
 
 
-def test_a_form_that_was_changed_outlives_a_killed_server(guessed, foreign, start, browser, right_um):
+def test_changed_form_survives_a_killed_server(guessed, foreign, start, browser, right_um):
     page = guessed(foreign(swapped=True))
     choose(page, "X is", "y")
     page.until(lambda: page.workbench.drafted("X", "is") == "y", "draft of what cannot be checked")
@@ -136,7 +136,7 @@ def test_a_form_that_was_changed_outlives_a_killed_server(guessed, foreign, star
     assert opened_mean_um(again) == pytest.approx(right_um, rel=1e-6)
 
 
-def test_check_and_picture_follow_what_is_chosen(guessed, foreign, right_um):
+def test_check_and_picture_follow_the_chosen_units(guessed, foreign, right_um):
     page = guessed(foreign())
     for axis in "XYZ":
         choose(page, f"unit of {axis}", "in")
@@ -149,7 +149,7 @@ def test_check_and_picture_follow_what_is_chosen(guessed, foreign, right_um):
     assert opened_mean_um(page) == pytest.approx(right_um, rel=1e-6)
 
 
-def test_mending_keeps_what_was_changed_in_the_form(guessed, foreign):
+def test_correction_by_button_keeps_changes_made_in_the_form(guessed, foreign):
     page = guessed(foreign(turned=3))
     choose(page, "unit of X", "m")
     page.one("#opening button", "button", "Mend this").click()
@@ -157,9 +157,7 @@ def test_mending_keeps_what_was_changed_in_the_form(guessed, foreign):
     assert shown(page, "unit of X") == "m"
 
 
-def test_foreign_measurements_are_compared_with_the_open_session_as_the_form_says(
-    start, browser, campaign, foreign, tmp_path
-):
+def test_foreign_file_is_compared_with_the_session_by_its_form(start, browser, campaign, foreign, tmp_path):
     model = tmp_path / "geometry.yaml"
     model.write_text("effects: [base_frame, tool_offset, joint_offset, link_geometry]\n")
     opened = start(campaign / "data.csv", "--robot", campaign / "robot.yaml", "--model", model)

@@ -1,4 +1,4 @@
-"""What the model says of a row, a region or a time that was left out, and what a killed server comes back with."""
+"""The model's error at a row, a region or a time that was left out, and what a restarted server restores."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SAID = (
 
 
 def leave_out(page: Page, variable: str, low: str, high: str) -> str:
-    """Leave out a range as a person does; what the page says then."""
+    """Leave out a range by the page's form, as a person does; the new status."""
     page.browser.run("document.getElementById('leave-variable').closest('details').open = true")
     Select(page.browser.driver.find_element(By.ID, "leave-variable")).select_by_value(variable)
     for name, value in (("low", low), ("high", high)):
@@ -29,7 +29,7 @@ def leave_out(page: Page, variable: str, low: str, high: str) -> str:
 
 
 @pytest.mark.parametrize(("variable", "low", "high"), [("q1", "20", "90"), ("time", "0", "0.5")])
-def test_the_error_at_a_region_or_a_time_left_out_stands_beside_the_held_out_error(
+def test_error_at_rows_left_out_is_shown_beside_held_out_error(
     page, workbench, campaign, tmp_path, variable, low, high
 ):
     said = leave_out(page, variable, low, high)
@@ -42,7 +42,7 @@ def test_the_error_at_a_region_or_a_time_left_out_stands_beside_the_held_out_err
     assert float(largest) == pytest.approx(figures["max_um"], abs=0.051)
     assert f"left out by you ({count} rows)" in page.error()
     assert said.split("left out, ")[1] in page.text("left-out")
-    # The same by the fit that Export hands out, from the file itself.
+    # The same figures by the fit.json that the workbench makes, from the data file.
     workbench.do(do="make", name="fit")
     page.until(lambda: not workbench.state()["busy"], "fit.json")
     (tmp_path / "fit.json").write_bytes(workbench.ask(f"{workbench.path}file?name=made").read())
@@ -58,7 +58,7 @@ def test_the_error_at_a_region_or_a_time_left_out_stands_beside_the_held_out_err
     assert "left out by you" not in page.error()
 
 
-def test_leaving_out_all_rows_is_refused_in_one_sentence_and_the_session_lives_on(page, workbench):
+def test_leaving_out_all_rows_is_refused_and_keeps_the_session(page, workbench):
     before = workbench.state()
     leave_out(page, "time", "-1", "100000")
     assert "found 0 different poses, expected at least 10" in page.failure()
@@ -68,7 +68,7 @@ def test_leaving_out_all_rows_is_refused_in_one_sentence_and_the_session_lives_o
     page.add()
 
 
-def test_a_wrong_pose_is_far_off_where_it_is_left_out(start, browser, campaign, tmp_path):
+def test_wrong_pose_left_out_has_a_large_prediction_error(start, browser, campaign, tmp_path):
     lines = (campaign / "data.csv").read_text().splitlines()
     head = lines[0].split(",")
     cells = lines[39].split(",")
@@ -87,9 +87,7 @@ def test_a_wrong_pose_is_far_off_where_it_is_left_out(start, browser, campaign, 
     assert workbench.state()["left_out_error"]["n"] == 1, "another model says it anew"
 
 
-def test_a_killed_server_comes_back_with_planned_poses_and_files_that_wait(
-    start, browser, campaign, tmp_path
-):
+def test_killed_server_restores_planned_poses_and_waiting_files(start, browser, campaign, tmp_path):
     first = start()
     page = Page(browser, first.address)
     page.press_plan()
@@ -119,7 +117,7 @@ def test_a_killed_server_comes_back_with_planned_poses_and_files_that_wait(
     assert "measurements joined since" in Page(browser, third.address).text("notes")
 
 
-def test_dropped_files_are_gone_on_with_when_they_are_dropped_again(start, browser, campaign):
+def test_session_of_dropped_files_resumes_if_dropped_again(start, browser, campaign):
     def dropped() -> Page:
         workbench = start("--port", "0")
         browser.look()

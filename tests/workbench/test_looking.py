@@ -1,4 +1,4 @@
-"""The residual against any variable, poses brushed on a chart and found on the arm, and peaks that are pressed."""
+"""The residual against any variable, poses brushed on a chart and ringed on the arm, effects added from peaks."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def choose(page: Page, what: str, value: str) -> None:
 
 @pytest.fixture
 def named(campaign, tmp_path):
-    """The campaign with a column that nobody knows."""
+    """The campaign with a column of unknown meaning."""
     shutil.copytree(campaign, folder := tmp_path / "named")
     lines = (folder / "data.csv").read_text().splitlines()
     rows = [f"{lines[0]},humidity", *(f"{line},{40 + k % 7}" for k, line in enumerate(lines[1:]))]
@@ -58,7 +58,7 @@ def named(campaign, tmp_path):
     return folder / "data.csv"
 
 
-def test_the_variable_that_shows_most_comes_first_and_any_other_can_be_chosen(start, browser, named):
+def test_variable_that_shows_most_is_first_others_can_be_chosen(start, browser, named):
     page = Page(browser, start(named).address)
     open_part(page, "state")
     options = [o.text for o in Select(browser.driver.find_element(By.ID, "look-variable")).options]
@@ -80,7 +80,7 @@ def test_the_variable_that_shows_most_comes_first_and_any_other_can_be_chosen(st
     assert browser.complaints() == []
 
 
-def test_poses_brushed_on_the_chart_are_ringed_on_the_arm_and_can_be_left_out(page, workbench):
+def test_poses_brushed_on_a_chart_are_ringed_and_can_be_left_out(page, workbench):
     open_part(page, "state")
     choose(page, "variable", "q3")
     figure = page.browser.driver.find_element(By.CSS_SELECTOR, ".look-figure svg")
@@ -104,7 +104,7 @@ def test_poses_are_selected_with_the_keyboard(page):
     assert page.until(lambda: page.browser.run(ON_THE_CHART), "rings") > 10
 
 
-def test_values_are_read_under_the_pointer(page):
+def test_values_under_the_pointer_are_shown(page):
     open_part(page, "state")
     chart = page.browser.driver.find_element(By.CSS_SELECTOR, ".look-figure svg")
     read = "return document.querySelector('#looking .readout').textContent"
@@ -140,7 +140,7 @@ def test_poses_framed_on_the_arm_are_ringed_on_the_chart(page):
     )
 
 
-def test_the_row_that_is_read_out_is_the_one_that_is_marked(page, workbench):
+def test_mark_button_names_the_row_that_is_read_out(page, workbench):
     said = "return document.querySelector('.scene-part .readout').textContent"
     offered = "return document.getElementById('mark').textContent"
     page.until(lambda: page.by_role(".scene-part button", "button", "Next worst"), "arm")
@@ -159,7 +159,7 @@ def test_the_row_that_is_read_out_is_the_one_that_is_marked(page, workbench):
     assert workbench.state()["left_out"] == [int(row)]
 
 
-def test_a_row_that_was_clicked_stays_while_the_pointer_goes_to_the_button(page):
+def test_selected_row_stays_while_the_pointer_moves(page):
     said = "return document.querySelector('.scene-part .readout').textContent"
     page.until(lambda: page.by_role(".scene-part button", "button", "Next worst"), "arm")
     page.one(".scene-part button", "button", "Next worst").click()
@@ -171,7 +171,7 @@ def test_a_row_that_was_clicked_stays_while_the_pointer_goes_to_the_button(page)
     assert row.lower() in page.browser.run("return document.getElementById('mark').textContent")
 
 
-def test_a_peak_of_a_spectrum_becomes_an_effect(page, workbench):
+def test_peak_of_a_spectrum_can_be_added_as_an_effect(page, workbench):
     page.add()  # without lost motion the eccentric gear stands out
     open_part(page, "spectra")
     peak = page.until(
@@ -186,7 +186,7 @@ def test_a_peak_of_a_spectrum_becomes_an_effect(page, workbench):
     assert len(workbench.state()["steps"]) == 3
 
 
-def test_the_uncertainty_of_the_prediction_is_shown_over_the_place(page):
+def test_prediction_uncertainty_is_shown_by_position(page):
     open_part(page, "certainty")
     words = page.browser.run("return document.querySelector('details[data-panel=certainty]').innerText")
     median, largest = (
@@ -196,7 +196,7 @@ def test_the_uncertainty_of_the_prediction_is_shown_over_the_place(page):
     assert len(page.by_role("details[data-panel=certainty] figure svg", "image")) == 3
 
 
-def test_the_uncertainty_is_drawn_over_the_arm_as_predict_gives_it(page, workbench, campaign, tmp_path):
+def test_uncertainty_drawn_on_the_arm_equals_that_of_predict(page, workbench, campaign, tmp_path):
     open_part(page, "certainty")
     scene = json.loads(
         page.browser.run(
@@ -238,7 +238,7 @@ def test_the_uncertainty_is_drawn_over_the_arm_as_predict_gives_it(page, workben
 
 
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
-def test_letters_of_all_charts_are_12_px_where_they_are_shown(browser, workbench, size):
+def test_visible_text_of_charts_is_at_least_12_px(browser, workbench, size):
     page = Page(browser, workbench.address, size)
     parts = browser.run(
         "return [...document.querySelectorAll('details[data-panel]')].map((d) => d.dataset.panel)"

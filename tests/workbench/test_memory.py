@@ -11,11 +11,11 @@ pytestmark = pytest.mark.full
 
 
 def test_memory_is_flat_over_500_actions(start, tmp_path):
-    """After what the first hundred need, nothing more is held, though each hundred makes some fifty models."""
+    """After the first hundred actions no more memory is held, though each hundred makes some fifty models."""
     armtrue_sim.simulate({**TWO_HIDDEN, "poses": POSES}).write(tmp_path / "campaign")
     workbench = start(tmp_path / "campaign" / "data.csv")
     held = held_over(workbench, ACTIONS, EVERY)
     assert len(held) == 5
     assert len(workbench.state()["models"]) > 200
-    # What is freed comes back in pieces: a figure may stand 10 % above or below the others.
+    # Freed memory is returned in pieces: a figure may be 10 % above or below the others.
     assert min(held[-2:]) < 1.05 * max(held[:2]), held

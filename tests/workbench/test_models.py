@@ -10,7 +10,7 @@ pytestmark = pytest.mark.full
 CARD = "return document.getElementById('card').innerText"
 
 
-def test_an_effect_is_swapped_for_another_and_the_two_models_stand_side_by_side(page, workbench):
+def test_effect_is_swapped_and_both_models_are_compared(page, workbench):
     page.add()
     first = page.model()[-1]
     entry = page.browser.driver.find_elements(By.CSS_SELECTOR, "ul[aria-label=Model] [data-act=swaps]")[-1]
@@ -50,7 +50,7 @@ def test_an_effect_is_swapped_for_another_and_the_two_models_stand_side_by_side(
     assert page.failure() == ""
 
 
-def test_a_model_is_named_and_keeps_its_name(page, workbench, start):
+def test_name_of_a_model_survives_a_killed_server(page, workbench, start):
     page.add()
     page.browser.driver.find_element(By.ID, "model-name").send_keys("with lost motion")
     page.after(page.one("main button", "button", "Name").click)
@@ -61,13 +61,13 @@ def test_a_model_is_named_and_keeps_its_name(page, workbench, start):
 
 
 @pytest.mark.parametrize("asked", ["beside?node=7", "beside?node=x", "beside", "swaps?effect=99", "swaps"])
-def test_what_is_not_there_is_refused_in_one_sentence(workbench, asked):
+def test_request_for_an_absent_model_or_effect_is_refused(workbench, asked):
     answer = workbench.ask(f"{workbench.path}{asked}")
     assert answer.status == 400
     assert b"expected" in answer.read()
 
 
-def test_an_effect_that_these_data_cannot_tell_says_so_when_it_is_added(page, workbench):
+def test_added_effect_that_is_hard_to_tell_apart_is_reported(page, workbench):
     place = next(k for k, name in enumerate(page.candidates()) if name.startswith("tracker_scale"))
     said = page.add(place)
     assert "The held-out mean error stays" in said

@@ -1,4 +1,4 @@
-"""What leaves the workbench and what comes in later: commands, notebook, fits of rows left out, new measurements."""
+"""Results of the workbench (commands, notebook, fits with rows left out) and measurements that are added later."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PATIENCE_S = 120.0
 
 
 def done(workbench: Workbench, **words) -> dict:
-    """Do something, wait until it is done, and answer with the state after it."""
+    """Request an action, wait until it is done, and return the state after it."""
     assert workbench.do(**words) == 200
     end = time.monotonic() + PATIENCE_S
     while (state := workbench.state())["busy"]:
@@ -34,7 +34,7 @@ def done(workbench: Workbench, **words) -> dict:
 
 
 def bundle(workbench: Workbench, place: Path) -> Path:
-    """What Export makes, unpacked."""
+    """The unpacked archive of Export."""
     done(workbench, do="make", name="export")
     archive = workbench.ask(f"{workbench.path}file?name=made").read()
     zipfile.ZipFile(io.BytesIO(archive)).extractall(place)
@@ -53,7 +53,7 @@ def exported(workbench, tmp_path):
     return bundle(workbench, tmp_path / "out"), state
 
 
-def test_the_notebook_runs_and_ends_at_the_session_s_model(exported, monkeypatch):
+def test_notebook_runs_and_ends_with_the_sessions_model(exported, monkeypatch):
     folder, state = exported
     cells = [cell["source"] for cell in json.loads((folder / "session.ipynb").read_text())["cells"]]
     monkeypatch.chdir(folder)
@@ -65,7 +65,7 @@ def test_the_notebook_runs_and_ends_at_the_session_s_model(exported, monkeypatch
     assert mean == pytest.approx(state["error"]["held_out"]["mean_um"], rel=1e-9)
 
 
-def test_the_commands_run_and_end_at_the_session_s_model(exported):
+def test_commands_run_and_end_with_the_sessions_model(exported):
     folder, state = exported
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
     ran = subprocess.run(
@@ -82,7 +82,7 @@ def test_the_commands_run_and_end_at_the_session_s_model(exported):
     assert (folder / "report.html").is_file()
 
 
-def test_a_fit_with_rows_left_out_is_taken_by_the_command_line(exported):
+def test_command_line_accepts_a_fit_with_rows_left_out(exported):
     folder, state = exported
     assert json.loads((folder / "fit.json").read_text())["data"]["left_out"] == [5, 9]
     ran = armtrue(folder, "diagnose", "fit.json", "--json", "diagnosis.json")

@@ -1,4 +1,4 @@
-"""The real UR10, 11 911 full poses: an effect is added, its error falls, and the page never waits long for a figure."""
+"""The real UR10, 11 911 full poses: an effect is added, first figures come from 1000 of them, and the error falls."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_an_effect_is_added_to_twelve_thousand_poses(start, browser):
     print(f"first figures after {time.monotonic() - begun:.2f} s: {said}")
     assert said.startswith("First figures, from 1000 of 11911 measurements")
     assert "fell from" in said
-    # The page answers while all are fitted: the arm is drawn with its points, and a candidate cannot be added twice.
+    # The page answers while all are fitted: the arm is drawn, and no other action can be started.
     assert browser.run("return document.querySelector('.stage svg') !== null")
     assert not page.button("Refine").is_enabled()
     page.until(lambda: not workbench.state()["busy"], "fit to all measurements")

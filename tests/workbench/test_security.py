@@ -1,4 +1,4 @@
-"""What the server refuses (other hosts and origins, no token, paths) and what it shows as text: scripts in names."""
+"""The server refuses other hosts and origins, wrong tokens and paths, and shows scripts in names as text."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_another_origin_is_refused(workbench, asked, origin, method, name):
 
 @pytest.mark.parametrize("name", ["", "state.json", "view.json", "changes", "script.js", "file?name=made"])
 @pytest.mark.parametrize("token", ["/", "/x/", "//", "/{wrong}/"])
-def test_without_the_token_nothing_is_told(workbench, asked, token, name):
+def test_request_without_the_token_is_refused(workbench, asked, token, name):
     wrong = workbench.path.strip("/")[:-1] + ("A" if workbench.path[-2] != "A" else "B")
     assert asked(token.format(wrong=wrong) + name) == 403
 
@@ -59,19 +59,19 @@ def test_without_the_token_nothing_is_told(workbench, asked, token, name):
         "panel?name=../page",
     ],
 )
-def test_a_path_leads_nowhere_but_to_what_is_served(workbench, asked, path):
+def test_path_outside_what_is_served_is_refused(workbench, asked, path):
     assert asked(workbench.path + path) in (400, 404)
 
 
 @pytest.mark.parametrize(
     "name", ["../x.csv", "..%2Fx.csv", "a%5Cb.csv", "%2Fetc%2Fx.csv", ".bashrc", "x.sh", "a%00.csv", ""]
 )
-def test_a_dropped_file_cannot_choose_its_place(workbench, asked, name, tmp_path):
+def test_dropped_file_with_an_unsafe_name_is_refused(workbench, asked, name, tmp_path):
     assert asked(f"{workbench.path}drop?name={name}", "POST", b"q1\n1\n") == 400
     assert not list(tmp_path.rglob("x.csv"))
 
 
-def test_it_listens_on_this_machine_alone(workbench):
+def test_server_listens_on_the_loopback_interface_only(workbench):
     own = socket.gethostbyname(socket.gethostname())
     if own.startswith("127."):
         own = next(line.split()[1] for line in _addresses() if not line.split()[1].startswith("127."))
@@ -88,10 +88,10 @@ def _addresses() -> list[str]:
 @pytest.mark.parametrize(
     "body", [b"", b"[]", b"{}", b'{"do": 1}', b'{"do": "add", "candidate": "0"}', b"[" * 100000]
 )
-def test_an_action_that_is_none_is_refused_in_one_sentence(workbench, body):
+def test_malformed_action_is_refused_in_one_sentence(workbench, body):
     answer = workbench.ask(f"{workbench.path}do", "POST", body)
     said = json.loads(answer.read())
-    if answer.status == 200:  # what is wrong is found when it runs, and said on the page
+    if answer.status == 200:  # the error is found when the action runs, and shown on the page
         while (state := workbench.state())["busy"]:
             pass
         assert "expected" in state["failure"]
@@ -100,7 +100,7 @@ def test_an_action_that_is_none_is_refused_in_one_sentence(workbench, body):
         assert "expected" in said["error"]
 
 
-def test_every_answer_forbids_scripts_and_frames_of_others(workbench):
+def test_every_answer_forbids_foreign_scripts_and_frames(workbench):
     for name in ("", "state.json", "nothing"):
         headers = workbench.ask(workbench.path + name).headers
         assert "default-src 'none'" in headers["Content-Security-Policy"]

@@ -30,7 +30,7 @@ def choose(page, *files: Path) -> None:
     page.browser.driver.find_element(By.ID, "files").send_keys("\n".join(map(str, files)))
 
 
-def test_a_killed_server_comes_back_with_the_session(start, browser):
+def test_killed_server_restores_the_session(start, browser):
     first = start()
     page = Page(browser, first.address)
     page.add()
@@ -48,7 +48,7 @@ def test_a_killed_server_comes_back_with_the_session(start, browser):
     assert len(second.state()["steps"]) == 1
 
 
-def test_second_workbench_on_the_same_files_is_refused_until_the_first_is_killed(start, campaign):
+def test_second_workbench_is_refused_until_the_first_is_killed(start, campaign):
     first = start()
     command = [ARMTRUE, "open", str(campaign / "data.csv"), "--no-browser"]
     environment = {**os.environ, "XDG_STATE_HOME": str(first.state_home)}
@@ -82,7 +82,7 @@ def test_two_tabs_show_the_same_model(page, workbench):
         driver.switch_to.window(first)
 
 
-def test_all_is_reached_with_the_keyboard_alone(page, workbench):
+def test_page_can_be_used_with_the_keyboard_alone(page, workbench):
     def tab_to(name: str) -> None:
         for _ in range(200):
             ActionChains(page.browser.driver).send_keys(Keys.TAB).perform()
@@ -97,7 +97,7 @@ def test_all_is_reached_with_the_keyboard_alone(page, workbench):
     tab_to("Add")
     page.after(enter)
     assert len(workbench.state()["steps"]) == 2
-    # The next one is where the keyboard was, not at the top of the page.
+    # The focus stays at an Add button instead of moving to the top of the page.
     assert page.browser.driver.switch_to.active_element.text == "Add"
     page.after(
         lambda: ActionChains(page.browser.driver)
@@ -119,7 +119,7 @@ def test_all_is_reached_with_the_keyboard_alone(page, workbench):
 
 
 @pytest.mark.parametrize("size", [LAPTOP, PHONE, (320, 640)], ids=str)
-def test_nothing_runs_over_the_edge_and_letters_are_large_enough(browser, workbench, size):
+def test_page_fits_its_width_and_text_is_at_least_12_px(browser, workbench, size):
     page = Page(browser, workbench.address, size)
     page.until(lambda: browser.run("return document.querySelector('.stage svg') !== null"), "picture")
     wide = browser.run("return [document.documentElement.scrollWidth, document.documentElement.clientWidth]")
@@ -132,7 +132,7 @@ def test_nothing_runs_over_the_edge_and_letters_are_large_enough(browser, workbe
     page.add()
 
 
-def test_a_bad_file_is_one_sentence_and_the_session_lives_on(page, workbench, campaign, tmp_path):
+def test_bad_file_gives_one_sentence_and_keeps_the_session(page, workbench, campaign, tmp_path):
     before = workbench.state()
     bad = {
         "empty.csv": b"",
@@ -193,7 +193,7 @@ def test_foreign_files_are_guessed_shown_and_opened(start, browser, campaign, tm
     assert workbench.state()["error"]["held_out"]["n"] == len(rows) - 1
 
 
-def test_refine_can_be_stopped_and_keeps_what_was_finished(page, workbench):
+def test_refine_can_be_stopped_and_is_available_again(page, workbench):
     page.button("Refine").click()
     page.until(lambda: workbench.state()["busy"] or len(workbench.state()["models"]) > 1, "Refine to begin")
     workbench.do(do="cancel")

@@ -1,4 +1,4 @@
-"""What the workbench says of errors, above all where no pose could be scored."""
+"""Sentences of the workbench about errors, in particular where no pose could be scored."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from armtrue.workbench.showing.words import fall_words, first_words, length
         (None, 50.0, "The held-out mean error is 50.0 µm; before it was not scored."),
     ],
 )
-def test_what_became_of_the_error_is_said_in_one_sentence(before, after, said):
+def test_change_of_the_error_is_stated_in_one_sentence(before, after, said):
     assert fall_words(before, after) == said
 
 
-def test_a_model_that_was_not_scored_has_no_figure():
+def test_model_that_was_not_scored_has_no_figure():
     assert length(None) == "not scored"
     assert "not scored" in first_words(None)

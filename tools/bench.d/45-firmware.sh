@@ -1,5 +1,5 @@
-# The STM32F405 image beside its budgets, the faults of step 15 of ./dev test, and the fixed-point way back to the simulator, into
-# docs/results.md.
+# The STM32F405 image compared with its budgets, the faults of step 15 of ./dev test, and the error that remains on
+# simulated arms after fixed-point compensation; into docs/results.md.
 build_preset stm32f405 >/dev/null
 build_preset release firmware_tests firmware_hours >/dev/null
 $PY tools/into_results.py stm32f405 $PY tests/firmware/firmware_report.py table

@@ -1,2 +1,2 @@
-# How late SYNC and targets leave the STM32F405's node.
+# Delay of SYNC and targets in the STM32F405 node.
 $PY tools/into_results.py latency $PY tests/firmware/latency_report.py

@@ -1,4 +1,5 @@
-# Upload against the protocol's own limit, the M4's cycle with the CAN path; into docs/results.md.
+# Time of an upload compared with the limit of the protocol, and instructions of a Cortex-M4 cycle with the CAN path;
+# into docs/results.md.
 build_preset stm32f405 >/dev/null
 mkdir -p out
 on_a_bus 300 "$PY" tests/can/bench.py transfer out/bench-can.json

@@ -1,5 +1,6 @@
-#: bench     speed and full-size campaigns, printed as tables ([PART] runs the parts of tools/bench.d whose name has it)
-# Each part adds a file tools/bench.d/NN-name.sh, run in order; a failing part fails the run but later parts still run.
+#: bench     speed and full-size campaigns, printed as tables ([PART]: parts of tools/bench.d with PART in their name)
+# Each part is a file tools/bench.d/NN-name.sh. They run in order; if one fails the run fails, but later parts still
+# run.
 cmd_bench() {
   install_packages run unit bus firmware test bench
   cmd_build

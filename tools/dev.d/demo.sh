@@ -1,5 +1,7 @@
-#: demo      find the hidden errors of a simulated arm, compensate them over CAN, measure it again (4 to 6 minutes from a bare machine)
-# The loop of sim/armtrue_loop as a newcomer's story; `./dev sil` is the same for other scenarios and modes, with longer moves.
+#: demo      find hidden errors of a simulated arm, compensate them over CAN, measure again
+#:           (4 to 6 minutes from a bare machine)
+# Runs the closed loop of sim/armtrue_loop with explanations; `./dev sil` runs it for other scenarios and modes, with
+# longer moves.
 cmd_demo() {
   say "the demo: install what it needs (1 minute, once), compile (2 to 4 minutes, once), run (1 minute)"
   install_packages run

@@ -1,4 +1,4 @@
-#: firmware  build the STM32F405, Cortex-M7 and Cortex-R5F images; print code, data, stack, instruction counts and the files
+#: firmware  build the STM32F405, Cortex-M7 and Cortex-R5F images; print their code, data, stack, instructions and files
 cmd_firmware() {
   install_packages run firmware
   cmd_build

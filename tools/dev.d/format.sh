@@ -1,4 +1,4 @@
-#: format    lay out all code as the checks want it (ruff, clang-format)
+#: format    format all code as the checks require (ruff, clang-format)
 cpp_sources() { find fitter firmware -name '*.h' -o -name '*.cc' -o -name '*.cpp' | sort; }
 
 cmd_format() {

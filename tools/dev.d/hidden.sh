@@ -1,4 +1,5 @@
-#: hidden    hidden-effect campaigns through the command line; its table goes into docs/results.md (with options: only shown); hidden real|foreign|later|noise; hidden pairs: into docs/effects.md
+#: hidden    hidden-effect campaigns by the command line; table into docs/results.md (with options: only printed)
+#:           hidden real|foreign|later|noise: further kinds; hidden pairs: table into docs/effects.md
 cmd_hidden() {
   cmd_build
   local keep=()

@@ -1,4 +1,4 @@
-#: ladder    the IRB2400 paper's ladder on the simulated arm; its tables go into docs/results.md
+#: ladder    the IRB2400 paper's ladder of models on the simulated arm; tables into docs/results.md
 cmd_ladder() {
   cmd_build
   OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests/ladder $PY tools/into_results.py ladder $PY tests/ladder/ladder.py "$@"

@@ -1,4 +1,5 @@
-#: mutants  change the firmware in one place at a time and list the changes that no unit test notices (--count 200; --part fitter|host_tools for those)
+#: mutants   mutation testing of the firmware: list changes that no unit test notices
+#:           (--count 200; --part fitter|host_tools)
 cmd_mutants() {
   install_packages run unit test bench
   ensure_venv build run test

@@ -1,11 +1,13 @@
-#: r5f-interrupts  the Cortex-R5F image's CAN suites by real interrupts, on a later QEMU than Debian 12's (fetched, not installed)
-# firmware/ports/r5f/README.md. ARMTRUE_DEBIAN_MIRROR names another archive, such as a dated one of snapshot.debian.org.
+#: r5f-interrupts  CAN tests of the Cortex-R5F image with real interrupts, on a newer QEMU than Debian 12's
+#:           (fetched, not installed)
+# See firmware/ports/r5f/README.md. ARMTRUE_DEBIAN_MIRROR selects another archive, such as a dated one of
+# snapshot.debian.org.
 R5F_QEMU=build/qemu-with-interrupts
 R5F_QEMU_SUITE=trixie-backports
-R5F_QEMU_LEAST=10.2  # the first that connects an interrupt controller to the core
+R5F_QEMU_LEAST=10.2  # the first version that connects an interrupt controller to the core
 
-# apt with folders of its own below $1 and nothing installed, so that it resolves every dependency down to the C library;
-# of the system's settings only the way to the network, of its keys Debian's.
+# r5f_private_apt FOLDER: sets up a private apt below FOLDER. It considers no package as installed, so that it resolves
+# all dependencies down to the C library. It uses only the system's network settings and Debian's keys.
 r5f_private_apt() {
   local folder=$1 mirror=${ARMTRUE_DEBIAN_MIRROR:-http://deb.debian.org/debian} suite is_current=true
   [ -z "${ARMTRUE_DEBIAN_MIRROR:-}" ] || is_current=false
@@ -30,7 +32,8 @@ APT::Sandbox::User "root";
 A
 }
 
-# Fetches the emulator with all that it links to and unpacks it; bin/ gets programs that start it by its own loader.
+# Fetches the emulator with all libraries that it links and unpacks them; the scripts in bin/ start it by its own
+# loader.
 r5f_fetch_qemu() {
   local folder=$ROOT/$R5F_QEMU.part candidate package
   rm -rf "$folder"

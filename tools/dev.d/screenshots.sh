@@ -1,4 +1,4 @@
-#: screenshots  make docs/screenshots of a report and of the workbench again (Debian's Chromium)
+#: screenshots  update docs/screenshots: a report and the workbench, in Debian's Chromium
 cmd_screenshots() {
   install_packages run test
   cmd_build

@@ -1,12 +1,13 @@
-#: test      the tests of every change (what CI runs; 12 minutes from a bare machine); [full] all there are; [STEP] steps by name
-# Each step is a file tools/test.d/NN-name.sh, or NN-name.full.sh where `./dev test full` alone runs it. They run in order;
-# a failing step fails the run, but later steps still run. Python tests marked `full` belong to the full run too.
+#: test      the tests of every change (CI runs these; 12 minutes from a bare machine)
+#:           [full]: all tests; [STEP]: steps with STEP in their name
+# Each step is a file tools/test.d/NN-name.sh, or NN-name.full.sh if only `./dev test full` runs it. They run in order;
+# if one fails the run fails, but later steps still run. Python tests marked `full` also run only in the full run.
 
-# Of all that this shell waited for so far.
+# Processor seconds of all child processes that this shell has waited for.
 processor_seconds() { awk '{ print int(($16 + $17) / 100) }' /proc/$$/stat; }
 
-# run_step FILE: leaves its status in STEP_STATUS; the first command that fails ends it. (Never call it behind `||`, `&&` or
-# `if`: bash then ignores `set -e` in all that runs.)
+# run_step FILE: runs a step, which ends at the first command that fails; STEP_STATUS is its status. Do not call it with
+# `||`, `&&` or `if`: bash then ignores `set -e` in the step.
 run_step() {
   set +e
   ( set -euo pipefail; . "$1" )
@@ -14,10 +15,10 @@ run_step() {
   set -e
 }
 
-# pytest with the tests of this level, without a word about those that are left out.
+# run_pytest ARGUMENT...: the options of pytest that all steps share; a step selects the tests of its level by -m.
 run_pytest() { $PY -m pytest -q -rs --durations=20 --durations-min=4 -p no:cacheprovider "$@"; }
 
-# install_for_tests [full]: takes two minutes, mostly on one core.
+# install_for_tests [full]: takes two minutes, most of it on one core.
 install_for_tests() {
   install_packages bus firmware test "$@"
   ensure_venv run test lint
@@ -27,7 +28,7 @@ cmd_test() {
   local failed=() took=() step begin busy name more=
   LEVEL=quick LEVEL_MARK="not full"
   if [ "${1:-}" = full ]; then LEVEL=full LEVEL_MARK=""; shift; fi
-  # A step that is named runs at any level, and needs what its level needs.
+  # A step named on the command line runs at any level; a .full step needs the packages of the full run.
   if [ $LEVEL = full ] || { [ -n "${1:-}" ] && compgen -G "tools/test.d/*$1*.full.sh" >/dev/null; }; then more=full; fi
   install_packages run unit
   ensure_venv build

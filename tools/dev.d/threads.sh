@@ -1,5 +1,5 @@
-#: threads   the fits, refits and swaps that run side by side, under ThreadSanitizer
-# LAPACK and Ceres come from Debian without it: what they do among themselves is not seen, nor asked about.
+#: threads   tests of the fitter that run in parallel threads, under ThreadSanitizer
+# Debian's LAPACK and Ceres are not instrumented: data races inside them are neither detected nor reported.
 cmd_threads() {
   install_packages run unit test full
   ensure_venv build run test

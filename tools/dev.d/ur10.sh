@@ -1,7 +1,7 @@
-#: ur10      the real UR10 of ../shared/datasets, errors on held-out poses; its table goes into docs/results.md
+#: ur10      errors of the real UR10 of ../shared/datasets on held-out poses; table into docs/results.md
 cmd_ur10() {
   cmd_build
   local keep=()
-  [ $# != 0 ] || keep=("$PY" tools/into_results.py ur10)  # a part of the table is only shown
+  [ $# != 0 ] || keep=("$PY" tools/into_results.py ur10)  # with options, the table is incomplete and only printed
   OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests/real_arm "${keep[@]}" $PY tests/real_arm/ur10.py "$@"
 }

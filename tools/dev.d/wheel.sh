@@ -1,8 +1,10 @@
-#: wheel     dist/armtrue-VERSION-….whl, which needs neither a compiler nor Debian packages, and the sdist (5 minutes, once)
+#: wheel     build the sdist and dist/armtrue-VERSION-….whl, which needs neither a compiler nor Debian packages
+#:           (5 minutes, once)
 CERES_SOURCE=ceres-solver=2.1.0+really2.1.0+dfsg-1
 CERES_ARCHIVE=.cache/sdist/ceres-solver_2.1.0+really2.1.0+dfsg.orig.tar.xz
 
-# Debian's source package of Ceres; apt keeps its list of sources below .cache and the system's own as they are.
+# Fetches Debian's source package of Ceres. apt uses sources and lists below .cache; those of the system are not
+# changed.
 fetch_ceres() {
   [ ! -e "$CERES_ARCHIVE" ] || return 0
   local work=$ROOT/.cache/apt

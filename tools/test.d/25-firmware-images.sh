@@ -1,5 +1,5 @@
-# The bare-metal images: they must build, and the tests across parts run them in QEMU. (The
-# Cortex-M7 image holds only the core, which the STM32F405 image holds as well: only the full run builds it.)
+# Builds the bare-metal images, which the tests across parts run in QEMU. Only the full run builds the Cortex-M7 image:
+# it contains only the core, which the STM32F405 image contains as well.
 build_preset stm32f405
 build_preset r5f
 [ $LEVEL != full ] || build_preset cortex-m7

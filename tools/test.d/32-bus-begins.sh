@@ -1,7 +1,9 @@
-# The Python tests with a bus or an emulated chip, and the loop in both modes, mostly wait for each other's frames: they begin
-# here and run beside what compiles and computes, which steps back for them; step 50 waits for them and shows what they printed.
+# Starts the Python tests with a bus or an emulated chip, and the closed loop in both modes, in the background: they
+# mostly wait for frames. The later steps run at lower priority meanwhile. Step 50 waits for these tests and prints
+# their output.
 mkdir -p out
-# begin_apart NAME ARGUMENT...: pytest in the background; its output and its status are files out/pytest-NAME.*.
+# begin_apart NAME ARGUMENT...: pytest in the background, with output and exit status in out/pytest-NAME.log and
+# .status.
 begin_apart() {
   rm -f "out/pytest-$1.status"
   (
@@ -13,6 +15,7 @@ begin_apart() {
 }
 begin_apart bus -m "on_bus${LEVEL_MARK:+ and $LEVEL_MARK}"
 begin_apart chip -m "not on_bus${LEVEL_MARK:+ and $LEVEL_MARK}" -n 2 --dist loadfile
-# This whole run from here on, not what has just begun; autogroup: against the User-Mode Linux, a session of its own.
+# Lowers the priority of the rest of this run, not of the tests just started. The autogroup's priority is lowered
+# because User-Mode Linux runs in a session of its own.
 renice -n 10 -p $$ >/dev/null
 { echo 10 >/proc/self/autogroup; } 2>/dev/null || true

@@ -1,11 +1,11 @@
 # The fitter's unit tests, then whole campaigns, under address and undefined-behaviour sanitizers.
 build_preset sanitize fitter_test
-# Ceres comes from Debian without sanitizers, so containers that cross into it cannot be annotated.
+# Debian's Ceres is not instrumented, so containers passed to it would cause false reports of container overflows.
 export ASAN_OPTIONS=detect_container_overflow=0:strict_string_checks=1 UBSAN_OPTIONS=print_stacktrace=1 GTEST_TOTAL_SHARDS=$JOBS
 seq 0 $((JOBS - 1)) | xargs -P "$JOBS" -I{} env GTEST_SHARD_INDEX={} build/sanitize/fitter/fitter_test --gtest_brief=1
-# Unit tests do not reach every combination of effects, springs and masses that a search meets: one campaign of every hidden
-# kind, run by the commands that people type, on a copy of the package with the sanitized module. (Leaks are not looked for:
-# Python does not free all of its memory before it exits.)
+# Unit tests do not cover all combinations of effects, springs and masses of a search. So one campaign of every hidden
+# kind runs through the command line, on a copy of the package with the sanitized module. Leaks are not checked, because
+# Python does not free all of its memory before it exits.
 configure sanitize -DARMTRUE_PYTHON=ON
 build_preset sanitize armtrue_core_python
 package=build/sanitize/python

@@ -1,8 +1,10 @@
-# libFuzzer over everything that parses, on the committed corpora: what the C++ core reads (expressions, the JSON of robots
-# and terms; 30 s each), the node (frame sequences, and lives of steps with oracles of motion) and the table reader with the joint path of whatever it accepts (20 s each).
+# libFuzzer on all parsers, starting from the committed corpora: expressions and the JSON of robots and terms in the C++
+# core (30 s each); the node with sequences of frames, and with sequences of steps whose motion is checked (20 s each);
+# the table reader, with the joint path for every table that it accepts (20 s).
 build_preset sanitize fitter_fuzz canopen_fuzz motion_fuzz table_fuzz
 
-# fuzz_one HARNESS CORPUS SECONDS OPTIONS...: what was found is kept beside, and shown if it was a failure.
+# fuzz_one HARNESS CORPUS SECONDS OPTIONS...: new inputs and the log are kept in out/fuzz; the log is printed on a
+# failure.
 fuzz_one() {
   local name found log
   name=$(basename "$1")

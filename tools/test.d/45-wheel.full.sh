@@ -1,4 +1,4 @@
-# The wheel, in an empty environment with nothing of Debian's on the path; and that the sdist builds.
+# Tests the wheel in an empty environment without Debian's packages on the path, and builds the sdist.
 cmd_wheel
 OPENBLAS_NUM_THREADS=1 $PY -m pytest -q -p no:cacheprovider tests/wheel
 rm -rf build/from-sdist

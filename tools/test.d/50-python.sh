@@ -1,10 +1,10 @@
-# Python unit tests beside their subject, and the tests across parts; then the verdicts of those that step 32 began.
-# (One worker more than there are cores, since many tests wait for a command, a browser or a disk. pytest says which tests were
-# skipped and why: those on real measurements are, where ../shared/datasets is not there.)
+# Python unit tests beside the code that they test, and the tests across parts; then the results of the tests that step
+# 32 started. There is one worker more than cores, since many tests wait for a command, a browser or a disk. pytest
+# prints which tests were skipped and why: those on real measurements, if ../shared/datasets is missing.
 OPENBLAS_NUM_THREADS=1 run_pytest ${LEVEL_MARK:+-m "$LEVEL_MARK"} -n $((JOBS + 1)) --dist loadfile host_tools sim tests \
   --ignore=tests/can --ignore=tests/loop --ignore=tests/firmware_boot --ignore=tests/wheel && failed=0 || failed=1
 if [ ! -e out/pytest-bus.log ]; then
-  (. tools/test.d/32-bus-begins.sh)  # this step alone was asked for
+  (. tools/test.d/32-bus-begins.sh)  # step 32 has not run: only this step was requested
 fi
 waited=0
 until [ -e out/pytest-bus.status ] && [ -e out/pytest-chip.status ]; do

@@ -13,9 +13,9 @@ using nlohmann::json;
 using testing::Problem;
 using testing::Random;
 
-TEST(AxisStraightness, BesideAnArmHasTheSizeOfTheRailAndIsKnown) {
-  // Mean and slope were left to priors beside the geometry of the joints that ride on the rail: a
-  // turn of 60 urad was told as 107, a shift of 40 um with a sigma of 160.
+TEST(AxisStraightness, BesideArmGeometry_RecoversTheRailsErrors) {
+  // Once, only priors separated mean and slope from the geometry of the joints on the rail: a turn
+  // of 60 urad was reported as 107 urad, a shift of 40 um with a sigma of 160 um.
   Random random(3);
   const json robot = testing::random_chain(random, 7, {0});
   json model = testing::geometry_model();

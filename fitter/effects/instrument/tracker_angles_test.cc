@@ -12,8 +12,8 @@ namespace {
 using testing::Problem;
 using testing::Random;
 
-TEST(TrackerAngles, OfAPointAtTheInstrumentIsFinite) {
-  // A row of zeros made the terms read a variable 'nan'.
+TEST(TrackerAngles, PointAtTheInstrument_TermsAreFinite) {
+  // A row of zeros once made the terms read a variable named 'nan'.
   Random random(4);
   Problem p(testing::industrial_arm(), testing::geometry_model(), {40}, random, testing::nothing);
   for (const char* name : {"x", "y", "z"}) p.columns[name][7] = 0.0;

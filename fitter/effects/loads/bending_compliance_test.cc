@@ -35,7 +35,7 @@ struct Loaded {
                         {"bending_compliance", {kLink}, {{"shape", "beam"}}});
   }
 
-  // What `parameters`, each of value 1, turn the link by at its root, and shift it by.
+  // Turn and shift of the link at its root by `parameters`, each of value 1.
   std::pair<Eigen::Vector3d, Eigen::Vector3d> moved(const std::vector<Parameter>& parameters,
                                                     std::size_t row) const {
     Eigen::Vector3d turn = Eigen::Vector3d::Zero(), shift = Eigen::Vector3d::Zero();
@@ -56,8 +56,8 @@ struct Loaded {
     return {turn, shift};
   }
 
-  // Weights beyond the link, or its own in `slices` equal parts along it: place and force in its
-  // frame.
+  // Weights beyond the link or, if `slices` > 0, its own in as many equal parts along it: place and
+  // force in its frame.
   std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> weights(std::size_t row,
                                                                    int slices) const {
     Pose pose = Pose::Identity();
@@ -86,7 +86,7 @@ struct Loaded {
 
   Eigen::Vector3d span() const { return robot.joints[kLink].fixed.translation(); }
 
-  // Slope and deflection of the link's end by summing its curvature, EI = L.
+  // Slope and deflection of the link's end, from the sum of its curvature, EI = L.
   std::pair<Eigen::Vector3d, Eigen::Vector3d> bent(std::size_t row, int slices) const {
     constexpr int kSteps = 400;
     const auto loads = weights(row, slices);
@@ -108,7 +108,7 @@ struct Loaded {
   }
 };
 
-TEST(BendingCompliance, OfABeam_IsTheIntegralOfItsCurvature) {
+TEST(BendingCompliance, Beam_MatchesTheIntegralOfItsCurvature) {
   const Loaded arm;
   const std::vector<Parameter> all = arm.beam().parameters;
   ASSERT_EQ(all.size(), 3u);
@@ -125,7 +125,7 @@ TEST(BendingCompliance, OfABeam_IsTheIntegralOfItsCurvature) {
   }
 }
 
-TEST(BendingCompliance, BoundOfABeam_IsTheLargestTurnThatIsPhysical) {
+TEST(BendingCompliance, BoundOfABeam_LimitsItsTurnToFiveMrad) {
   const Loaded arm;
   for (const Parameter& p : arm.beam().parameters) {
     double largest = 0.0;
@@ -137,7 +137,7 @@ TEST(BendingCompliance, BoundOfABeam_IsTheLargestTurnThatIsPhysical) {
   }
 }
 
-TEST(BendingCompliance, ShapeThatItDoesNotKnow_IsRefused) {
+TEST(BendingCompliance, UnknownShapeOrUnloadedBeam_IsRefused) {
   const Loaded arm;
   const auto build = [&](int joint, const char* shape) {
     build_effect(EffectContext{*arm.state}, {"bending_compliance", {joint}, {{"shape", shape}}});

@@ -21,7 +21,7 @@ std::size_t candidates_where_alpha_is(double alpha) {
   return find_effect("gravity_balancer").tried(context).size();
 }
 
-TEST(GravityBalancer, IsNoCandidateWhereThereIsNothingToCarry) {
+TEST(GravityBalancer, JointWithoutGravityTorque_HasNoCandidates) {
   EXPECT_GT(candidates_where_alpha_is(-1.5707963267948966), 0u);
   EXPECT_EQ(candidates_where_alpha_is(0.0), 0u);
 }

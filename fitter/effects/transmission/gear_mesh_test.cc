@@ -14,7 +14,7 @@ using nlohmann::json;
 using testing::Problem;
 using testing::Random;
 
-// An arm whose first joint slides and has `turn` in its row.
+// An arm whose first joint slides; `turn`: further entries of its row.
 Problem with_slide(const json& turn) {
   Random random(5);
   json robot = testing::random_chain(random, 4, {0});
@@ -39,7 +39,7 @@ std::string refusal(const Problem& p, const EffectRequest& request) {
   return "";
 }
 
-TEST(GearMesh, OverASlideIsAWaveOfTheLeadInMetres) {
+TEST(GearMesh, SlidingJoint_HasWavesOfItsLeadInMetres) {
   const Problem p = with_slide({{"lead", 0.02}});
   const EffectTerms terms =
       build_effect({*p.state, 1, false}, {"gear_mesh", {1}, {{"orders", {1, 2}}}});
@@ -53,8 +53,8 @@ TEST(GearMesh, OverASlideIsAWaveOfTheLeadInMetres) {
             Expression::parse("cos(2*pi*q1/0.01)").to_string());
 }
 
-// A motor that turns against its joint makes the same waves.
-TEST(GearMesh, OfANegativeGearRatioHasTheSameOrders) {
+// A motor that turns opposite to its joint makes the same waves.
+TEST(GearMesh, NegativeGearRatio_HasTheSameOrders) {
   const auto orders_with = [](double ratio) {
     Random random(5);
     json robot = testing::industrial_arm();
@@ -73,19 +73,19 @@ TEST(GearMesh, OfANegativeGearRatioHasTheSameOrders) {
   EXPECT_EQ(orders_with(-120.0), orders_with(120.0));
 }
 
-TEST(GearMesh, OlderFilesStateASlidesGearRatioInRadiansAMetre) {
+TEST(GearMesh, OlderFile_GearRatioOfASlideInRadPerMetre_IsItsLead) {
   const Problem p = with_slide({{"gear_ratio", 200.0 * std::numbers::pi}});
   EXPECT_NEAR(p.robot.joints[0].lead, 0.01, 1e-12);
 }
 
-TEST(GearMesh, WavesOverASlideAreNamedByTheirLength) {
+TEST(GearMesh, SlidingJoint_WavesAreNamedByTheirLength) {
   const Problem p = with_slide({});
   EXPECT_EQ(names(p, {"gear_mesh", {1}, {{"wavelengths", {0.02, 0.0201}}}}),
             (std::vector<std::string>{"gear_mesh[1].sin20mm", "gear_mesh[1].cos20mm",
                                       "gear_mesh[1].sin20.1mm", "gear_mesh[1].cos20.1mm"}));
 }
 
-TEST(GearMesh, ALengthThatIsFoundStaysWithinHalfAWaveOverTheTravel) {
+TEST(GearMesh, FittedLength_ChangesByHalfAWaveOverTheTravelAtMost) {
   const Problem p = with_slide({{"lead", 0.02}});
   const EffectTerms terms =
       build_effect({*p.state, 1, false}, {"gear_mesh", {1}, {{"find", true}}});
@@ -98,7 +98,7 @@ TEST(GearMesh, ALengthThatIsFoundStaysWithinHalfAWaveOverTheTravel) {
   EXPECT_NEAR(travel / length.value - travel / length.upper, 0.5, 1e-9);
 }
 
-TEST(GearMesh, OptionsOfTheOtherKindOfJointAreRefusedWithTheRightOne) {
+TEST(GearMesh, OptionOfTheOtherJointType_IsRefusedWithTheRightOne) {
   const Problem p = with_slide({});
   EXPECT_EQ(refusal(p, {"gear_mesh", {1}, {{"cycles", {50}}}}),
             "effect gear_mesh: found cycles for joint 1, which slides, expected wavelengths in "
@@ -112,7 +112,7 @@ TEST(GearMesh, OptionsOfTheOtherKindOfJointAreRefusedWithTheRightOne) {
   EXPECT_NE(refusal(p, {"gear_harmonics", {1}}).find("a revolute joint 1"), std::string::npos);
 }
 
-TEST(GearMesh, CandidatesOfASlideAreOneAndTwoWavesATurnOfAScrewThatIsKnown) {
+TEST(GearMesh, SlidingJoint_HasTwoCandidatesIfItsLeadIsKnown) {
   const auto of_slide = [](const Problem& p) {
     const auto all = find_effect("gear_mesh").tried({*p.state, 1, false});
     return std::ranges::count_if(all,

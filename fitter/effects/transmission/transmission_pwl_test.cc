@@ -13,7 +13,7 @@ using nlohmann::json;
 using testing::Problem;
 using testing::Random;
 
-TEST(TransmissionPwl, OfAJointThatSlidesIsALength) {
+TEST(TransmissionPwl, SlidingJoint_UnitIsMetre) {
   Random random(5);
   const Problem p(testing::random_chain(random, 6, {0}), testing::geometry_model(), {40}, random,
                   [](const Parameter&) { return 0.0; });
@@ -23,7 +23,7 @@ TEST(TransmissionPwl, OfAJointThatSlidesIsALength) {
   EXPECT_EQ(effect.build(context, {effect.id(), {2}}).parameters.front().unit, "rad");
 }
 
-TEST(TransmissionPwl, IsACandidateOnAShortSlideToo) {
+TEST(TransmissionPwl, ShortSlidingJoint_IsACandidate) {
   Random random(5);
   json robot = testing::random_chain(random, 4, {0});
   robot["kinematics"]["joints"][0]["limits"] = {0.0, 0.2};

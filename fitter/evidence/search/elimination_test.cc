@@ -29,7 +29,7 @@ struct Equations {
   }
 };
 
-// What members leave of all columns, from the definition: G − GW (I + WᵀGW)⁻¹ WᵀG.
+// All columns with the members eliminated, from the definition: G − GW (I + WᵀGW)⁻¹ WᵀG.
 struct Remainder {
   Eigen::MatrixXd gram;
   Eigen::VectorXd gradient;
@@ -69,7 +69,7 @@ void expect_remainder(const Elimination& eliminated, const Equations& e,
   }
 }
 
-TEST(Elimination, MembersThatComeAndGoInAnyOrder_LeaveWhatTheDefinitionDoes) {
+TEST(Elimination, MembersAddedAndRemovedInAnyOrder_MatchesDefinition) {
   Equations e;
   Elimination eliminated(e.gram, e.gradient, e.squares);
   std::map<std::size_t, Eigen::MatrixXd> members;
@@ -85,8 +85,8 @@ TEST(Elimination, MembersThatComeAndGoInAnyOrder_LeaveWhatTheDefinitionDoes) {
   }
 }
 
-// One member is known by the data far better than by its prior, which costs the definition digits.
-TEST(Elimination, WithoutAMember_IsBesideThoseLeftWhenItWent) {
+// The data determine one member far better than its prior, which costs the definition digits.
+TEST(Elimination, WithoutAMember_EqualsEliminationOfTheOthers) {
   Equations e;
   Elimination eliminated(e.gram, e.gradient, e.squares);
   std::map<std::size_t, Eigen::MatrixXd> members;

@@ -8,7 +8,7 @@
 namespace armtrue {
 namespace {
 
-// Blocks of random columns, of which some make y.
+// Blocks of random columns; y is noise plus the columns of some blocks.
 struct Example {
   Eigen::MatrixXd columns;
   Eigen::VectorXd y;
@@ -73,7 +73,7 @@ double log_evidence(const Example& e, const std::vector<std::pair<std::size_t, d
              std::log(0.5 * (e.problem.prior_freedom + square));
 }
 
-// Inclusion probabilities by going through all sets and sizes.
+// Inclusion probabilities, by enumeration of all sets and sizes.
 std::vector<double> enumerated(const Example& e) {
   const std::size_t blocks = e.problem.blocks.size();
   std::vector<double> weight, scale{0.0};
@@ -107,7 +107,7 @@ std::vector<double> enumerated(const Example& e) {
   return result;
 }
 
-// Two blocks side by side do what a third does alone, but for a rest that decides between them.
+// Two blocks together do what a third does alone, but for a small part that decides between them.
 Example two_or_one(double towards_one) {
   Example e = example(11, {0.0, 0.0, 0.0});
   std::mt19937_64 generator(12);
@@ -118,7 +118,7 @@ Example two_or_one(double towards_one) {
   return e;
 }
 
-TEST(SearchBlocks, WhereTwoBlocksMayStandForOne_BothReadingsHaveTheirProbability) {
+TEST(SearchBlocks, TwoBlocksOrOne_InclusionMatchesEnumeration) {
   int undecided = 0;
   for (double towards_one = 0.0; towards_one < 1.0; towards_one += 0.02) {
     const Example e = two_or_one(towards_one);
@@ -131,10 +131,10 @@ TEST(SearchBlocks, WhereTwoBlocksMayStandForOne_BothReadingsHaveTheirProbability
   EXPECT_GT(undecided, 0);
 }
 
-TEST(SearchBlocks, WhatAloneHasAnotherSize_IsNotWeighedAtThat) {
+TEST(SearchBlocks, BlockInASet_IsNotWeighedAtItsSizeWhenAlone) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
-    // The first alone does nearly what the first two do, but 25 times as large; the third, a table
-    // that is seldom looked at, needs no second.
+    // The first alone explains nearly what the first two do, but 25 times as large as beside the
+    // second. The third, a table that is visited seldom, needs no other.
     Example e = example(seed, {0.0, 0.0, 0.0}, 4000);
     auto first = e.columns.leftCols(2), second = e.columns.middleCols(2, 2);
     auto third = e.columns.rightCols(2);
@@ -149,19 +149,19 @@ TEST(SearchBlocks, WhatAloneHasAnotherSize_IsNotWeighedAtThat) {
   }
 }
 
-TEST(SearchBlocks, InclusionProbabilities_AreThoseOfAllSetsEnumerated) {
+TEST(SearchBlocks, InclusionProbabilities_MatchEnumerationOfAllSets) {
   const Example e = example(1, {0.5, 0.0, 0.21, 0.0});
   SearchOptions options;
   options.sweeps = 4000;
   const SearchResult result = search_blocks(e.problem, options);
   const std::vector<double> expected = enumerated(e);
-  EXPECT_GT(expected[2], 0.02);  // a block of which the data are not sure
+  EXPECT_GT(expected[2], 0.02);  // the data leave this block undecided
   EXPECT_LT(expected[2], 0.98);
   for (std::size_t b = 0; b < expected.size(); ++b)
     EXPECT_NEAR(result.inclusion[b], expected[b], 0.03) << b;
 }
 
-TEST(SearchBlocks, TwoBlocksThatAreOne_ShareTheirProbability) {
+TEST(SearchBlocks, IdenticalBlocks_ShareTheirProbability) {
   Example e = example(2, {0.6, 0.0, 0.0});
   e.columns.middleCols(2, 2) = e.columns.middleCols(0, 2);
   set_products(e);
@@ -173,7 +173,7 @@ TEST(SearchBlocks, TwoBlocksThatAreOne_ShareTheirProbability) {
   EXPECT_LT(result.nothing_missing, 0.01);
 }
 
-TEST(SearchBlocks, WhatStandsInAReplaceableBlocksPlace_IsNotMissingBesideIt) {
+TEST(SearchBlocks, ReplacementOfAReplaceableBlock_IsNotMissing) {
   Example e = example(2, {0.6, 0.0, 0.7});
   e.columns.middleCols(2, 2) = e.columns.middleCols(0, 2);
   set_products(e);
@@ -188,7 +188,7 @@ TEST(SearchBlocks, WhatStandsInAReplaceableBlocksPlace_IsNotMissingBesideIt) {
   EXPECT_LT(search_blocks(e.problem, options).nothing_missing, 0.01);
 }
 
-TEST(SearchBlocks, TwoBlocksThatAreOneAmongOthers_ShareItWithinTheSweepsOfADiagnosis) {
+TEST(SearchBlocks, IdenticalBlocksAmongOthers_ShareInDefaultSweeps) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     Example e = example(seed, {0.6, 0.0, 0.7, 0.8, 0.6, 0.9, 0.0, 0.0});
     e.columns.middleCols(2, 2) = e.columns.middleCols(0, 2);
@@ -207,9 +207,9 @@ TEST(SearchBlocks, Noise_HasNothingMissing) {
   EXPECT_GT(nothing, 0.75);
 }
 
-TEST(SearchBlocks, ABlockKnownFarBetterThanItsPrior_KeepsItsDigits) {
-  // Taking such a block back out of the Gram matrix loses all digits; its conditional is worked out
-  // anew.
+TEST(SearchBlocks, BlockFarBetterKnownThanItsPrior_KeepsItsDigits) {
+  // Removing such a block from the Gram matrix again loses all digits, so its conditional is
+  // recomputed.
   Example e = example(3, {0.5, 0.0, 0.3});
   e.columns.leftCols(2) *= 1e5;
   e.y = e.columns.leftCols(2) * Eigen::Vector2d(1.0, -1.0) + 1e-3 * e.y;
@@ -221,17 +221,17 @@ TEST(SearchBlocks, ABlockKnownFarBetterThanItsPrior_KeepsItsDigits) {
   EXPECT_GT(result.inclusion[0], 0.99);
 }
 
-TEST(SearchBlocks, WrongSign_IsNoExplanation) {
+TEST(SearchBlocks, WrongSign_ExcludesTheBlock) {
   Example e = example(4, {0.5, 0.0});
   e.problem.blocks[0].shapes[0].signs = {{Eigen::Vector2d(-1.0, 0.0)}};  // the truth is positive
   EXPECT_LT(search_blocks(e.problem, {}).inclusion[0], 0.1);             // its prior is 0.048
-  e.problem.blocks[0].shapes[0].signs = {{Eigen::Vector2d(-1.0, 0.0), 0.05}};  // may be otherwise
+  e.problem.blocks[0].shapes[0].signs = {{Eigen::Vector2d(-1.0, 0.0), 0.05}};  // 5 % doubt
   EXPECT_GT(search_blocks(e.problem, {}).inclusion[0], 0.95);
   e.problem.blocks[0].shapes[0].signs = {{Eigen::Vector2d(1.0, 0.0)}};
   EXPECT_GT(search_blocks(e.problem, {}).inclusion[0], 0.95);
 }
 
-TEST(SearchBlocks, WhatGivesNothingAgainstItsLoad_IsHardlyACarrier) {
+TEST(SearchBlocks, CarrierActingAlongItsLoad_LosesTenOfLogBayes) {
   Example with = example(5, {0.3, 0.0}), along = with;
   const Eigen::MatrixXd square = Eigen::MatrixXd::Identity(2, 2);
   const Eigen::Vector2d truth(1.0, -1.0);

@@ -44,7 +44,7 @@ TEST(Expression, FollowsThePrecedenceOfArithmetic) {
   EXPECT_DOUBLE_EQ(value("pi"), std::numbers::pi);
 }
 
-TEST(Expression, KnowsTheFunctionsOfTheGrammar) {
+TEST(Expression, EvaluatesTheFunctionsOfTheGrammar) {
   EXPECT_DOUBLE_EQ(value("sin(q1)"), std::sin(0.3));
   EXPECT_DOUBLE_EQ(value("atan2(q1, q2)"), std::atan2(0.3, -1.1));
   EXPECT_DOUBLE_EQ(value("min(q1, q2) + max(q1, q2)"), 0.3 - 1.1);
@@ -70,7 +70,7 @@ TEST(Expression, HatIsOneAtItsCentreAndFlatBeyondTheEnds) {
   }
 }
 
-TEST(Expression, ColumnsAndSinglesAgree) {
+TEST(Expression, EvaluationByColumnAndByValueAgree) {
   const std::vector<double> q1{-1.0, 0.0, 0.5, 2.0}, w{3.0};
   const auto columns = [&](const std::string& name) -> const std::vector<double>& {
     return name == "q1" ? q1 : w;
@@ -147,7 +147,7 @@ TEST_F(RandomTrees, TextParsesBackToTheSameTree) {
   }
 }
 
-TEST_F(RandomTrees, Slopes_OfTheWholeGrammar_AreThoseOfTheReference) {
+TEST_F(RandomTrees, SlopesMatchAutomaticDifferentiation) {
   using Jet = ceres::Jet<double, 1>;
   int compared = 0;
   for (int i = 0; i < 4000; ++i) {
@@ -170,19 +170,19 @@ TEST_F(RandomTrees, Slopes_OfTheWholeGrammar_AreThoseOfTheReference) {
   EXPECT_GT(compared, 2000);
 }
 
-TEST_F(RandomTrees, SubstitutionIsEvaluation) {
+TEST_F(RandomTrees, SubstitutionGivesTheSameValueAsEvaluation) {
   for (int i = 0; i < 1000; ++i) {
     const Expression e = tree(5, false);
     const Expression closed = e.substitute(kState);
     EXPECT_TRUE(closed.variables().empty());
     const double a = value(e), b = value(closed);
-    // Zero times what is not a number folds to zero.
+    // Zero times NaN folds to zero.
     if (std::isnan(a)) continue;
     EXPECT_TRUE(a == b || std::abs(a - b) < 1e-9 * std::abs(a)) << e.to_string();
   }
 }
 
-TEST(Expression, Slopes_OfAHat_AreThoseOfEachArgument) {
+TEST(Expression, HatSlopesAreCorrectForEachArgument) {
   const Expression hat = Expression::parse("hat(q, l, c, r)");
   const auto at = [&](double q, const char* by) {
     return slope(hat, by, {{"q", q}, {"l", 0.0}, {"c", 1.0}, {"r", 3.0}});
@@ -210,7 +210,7 @@ TEST(Expression, NumbersRoundTripToTheLastBit) {
   }
 }
 
-TEST(Expression, SaysWhatItFoundWhereAndWhatItExpected) {
+TEST(Expression, SyntaxError_NamesPlaceFoundAndExpected) {
   EXPECT_EQ(error_of("sin(q1"), "at character 7: found the end, expected ',' or ')'");
   EXPECT_NE(error_of("q1 +").find("at character 5"), std::string::npos) << error_of("q1 +");
   EXPECT_NE(error_of("system(1)").find("function of the grammar"), std::string::npos);
@@ -234,7 +234,7 @@ TEST(Expression, RefusesEverythingThatIsNotArithmetic) {
   EXPECT_THROW(Expression::parse(std::string_view("1\0+1", 4)), ExpressionError);
 }
 
-// A stack of hostile depth or length ends in a sentence and not in a crash.
+// Text of hostile depth or length must give an error message, and not a stack overflow.
 TEST(Expression, RefusesHostileDepthAndLength) {
   EXPECT_THROW(Expression::parse(std::string(5000, '(')), ExpressionError);
   EXPECT_THROW(Expression::parse(std::string(5000, '-') + "1"), ExpressionError);
@@ -249,7 +249,7 @@ TEST(Expression, RefusesHostileDepthAndLength) {
   EXPECT_THROW(Expression::parse(std::string(30000, ' ') + "1"), ExpressionError);
 }
 
-TEST(Expression, ManyTermsOfAHonestLengthParse) {
+TEST(Expression, FiveHundredTerms_ParseAndRoundTrip) {
   std::string text = "q1";
   for (int i = 0; i < 500; ++i) text += " + q2*" + std::to_string(i);
   EXPECT_TRUE(std::isfinite(value(text)));
@@ -257,21 +257,20 @@ TEST(Expression, ManyTermsOfAHonestLengthParse) {
             Expression::parse(text).to_string());
 }
 
-// What is not a number must reach the check that refuses it, and not hide behind an honest
-// neighbour.
-TEST(Expression, MinimumAndMaximumPassOnWhatIsNotANumber) {
+// NaN must reach the check that refuses it, and not be hidden by a finite second argument.
+TEST(Expression, MinMaxAndSignPropagateNan) {
   for (const char* text : {"min(q1, log(q2))", "max(log(q2), q1)", "sign(log(q2))"})
     EXPECT_TRUE(std::isnan(value(text))) << text;
 }
 
-TEST(Expression, FoldsConstantsButKeepsWhatIsNotFinite) {
+TEST(Expression, FoldsConstantsExceptNonFiniteOnes) {
   EXPECT_TRUE(Expression::parse("2*3 + sin(0)").is_constant());
   EXPECT_FALSE(Expression::parse("1/0").is_constant());
   EXPECT_EQ(Expression::parse("0*q1").to_string(), "0");
   EXPECT_EQ(Expression::parse("1*q1 + 0").to_string(), "q1");
 }
 
-TEST(Expression, IsWrittenWithTheBracketsThatItsMeaningNeeds) {
+TEST(Expression, TextKeepsTheBracketsOfTheTree) {
   for (const char* text :
        {"q1 + q2*q3", "q1 - (q2 - q3)", "q1 + (q2 - q3)", "q1*(q2 + q3)", "q1/(q2*q3)",
         "(q1/q2)^q3^2", "-q1^2", "-(q1 + q2)", "(q1^2)^q3", "q1*q2 - q2/q3"}) {

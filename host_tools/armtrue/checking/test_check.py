@@ -1,4 +1,4 @@
-"""Checks of simulated campaigns: quiet where nothing is wrong, right about the one thing that is made wrong."""
+"""Checks of simulated campaigns: no finding for correct data, the right finding for one deliberate mistake."""
 
 from __future__ import annotations
 
@@ -49,21 +49,21 @@ def finding(report: CheckReport, code: str):
 @pytest.mark.parametrize(
     "name", ["kr30", "irb2400-parallelogram", "cobot-two-effects", "lbr", "scara", "stanford"]
 )
-def test_is_quiet_about_conventions_that_are_right(campaign, name):
+def test_correct_conventions_give_no_error(campaign, name):
     report = check(*campaign(name))
     assert codes(report, "error") == []
     assert not {"gross_errors", "scale", "base_or_tool_elsewhere"} & set(codes(report))
 
 
 @pytest.mark.parametrize("joint", [2, *(pytest.param(joint, marks=pytest.mark.full) for joint in (3, 4, 5))])
-def test_finds_a_joint_that_turns_the_other_way(campaign, joint):
+def test_joint_that_turns_the_other_way_is_found(campaign, joint):
     data, robot = campaign("kr30")
     report = check(changed(data, **{f"q{joint}": -data.columns[f"q{joint}"]}), robot)
     assert f"joint {joint} turns the other way" in finding(report, "joint_sign").message
 
 
 @pytest.mark.full
-def test_finds_two_joints_that_turn_the_other_way(campaign):
+def test_two_joints_that_turn_the_other_way_are_found(campaign):
     data, robot = campaign("kr30")
     report = check(changed(data, q2=-data.columns["q2"], q4=-data.columns["q4"]), robot)
     words = " ".join(f.message for f in report.findings if f.code == "joint_sign")
@@ -72,17 +72,17 @@ def test_finds_two_joints_that_turn_the_other_way(campaign):
 
 @pytest.mark.quick("2-90", "5-180")
 @pytest.mark.parametrize(("joint", "degrees"), [(2, 90), (3, -90), (5, 180)])
-def test_finds_a_zero_a_quarter_or_half_turn_off(campaign, joint, degrees):
+def test_joint_zero_off_by_a_quarter_or_half_turn_is_found(campaign, joint, degrees):
     data, robot = campaign("kr30")
     report = check(changed(data, **{f"q{joint}": data.columns[f"q{joint}"] - math.radians(degrees)}), robot)
     (error,) = [found for found in report.findings if found.severity == "error"]
-    # Half a turn of the middle wrist axis may as well be the last one turning the other way: both are named.
+    # Half a turn of the middle wrist axis may equally be a reversed last axis: both are named.
     assert f"joint {joint} has its zero {degrees:+d}°" in error.message
 
 
 @pytest.mark.full
-def test_remedies_for_a_urdf_name_keys_that_there_are(campaign):
-    """A robot.yaml of a URDF has no offsets, limits or axes."""
+def test_remedies_for_a_urdf_do_not_mention_robot_yaml(campaign):
+    """A robot.yaml that refers to a URDF has no offsets, limits or axes."""
     data, robot = campaign("kr30")
     robot = replace(robot, urdf=Path("arm.urdf"))
     quarter = check(changed(data, q3=data.columns["q3"] - math.pi / 2), robot)
@@ -99,7 +99,7 @@ def test_remedies_for_a_urdf_name_keys_that_there_are(campaign):
     assert all("arm.urdf" in found.remedy for found in (turned, nothing, *limits))
 
 
-def test_finds_a_coupling_that_the_robot_file_lacks(campaign):
+def test_coupling_missing_from_the_robot_file_is_found(campaign):
     data, robot = campaign("irb2400-parallelogram")
     bare = Robot({key: value for key, value in robot.spec.items() if key not in ("coupling", "linkage")})
     found = finding(check(data, bare), "coupling")
@@ -108,7 +108,7 @@ def test_finds_a_coupling_that_the_robot_file_lacks(campaign):
 
 
 @pytest.mark.full
-def test_finds_a_coupling_of_the_wrong_sign_and_one_too_many(campaign):
+def test_coupling_of_wrong_sign_or_superfluous_is_found(campaign):
     data, robot = campaign("irb2400-parallelogram")
     wrong = Robot({**robot.spec, "coupling": [{"joint": 3, "driving": 2, "ratio": 1.0}]})
     assert "q3 − q2" in finding(check(data, wrong), "coupling").message
@@ -117,19 +117,19 @@ def test_finds_a_coupling_of_the_wrong_sign_and_one_too_many(campaign):
     assert "its own command alone" in finding(check(data, wrong), "coupling").message
 
 
-def test_finds_swapped_columns(campaign):
+def test_swapped_joint_columns_are_found(campaign):
     data, robot = campaign("kr30")
     report = check(changed(data, q4=data.columns["q5"], q5=data.columns["q4"]), robot)
     assert "q4 and q5" in finding(report, "joints_swapped").message
 
 
-def test_finds_positions_one_row_off(campaign):
+def test_positions_shifted_by_one_row_are_found(campaign):
     data, robot = campaign("kr30")
     late = {name: np.roll(data.columns[name], 1) for name in "xyz"}
     assert "in the row after" in finding(check(changed(data, **late), robot), "rows_shifted").message
 
 
-def test_finds_a_left_handed_frame(campaign):
+def test_left_handed_frame_is_found(campaign):
     data, robot = campaign("kr30")
     report = check(changed(data, y=-data.columns["y"]), robot)
     assert "left_handed_frame" in codes(report, "error")
@@ -156,7 +156,7 @@ def test_finds_a_left_handed_frame(campaign):
         (1.1, "scale", "robot.yaml or the instrument's scale"),
     ],
 )
-def test_finds_lengths_in_another_unit(campaign, factor, code, word):
+def test_lengths_in_another_unit_are_found(campaign, factor, code, word):
     data, robot = campaign("kr30")
     report = check(changed(data, **{name: factor * data.columns[name] for name in "xyz"}), robot)
     found = finding(report, code)
@@ -167,14 +167,14 @@ def test_finds_lengths_in_another_unit(campaign, factor, code, word):
 
 
 @pytest.mark.full
-def test_finds_millimetres_and_goes_on_to_what_else_is_wrong(campaign):
+def test_wrong_joint_sign_is_found_beside_millimetres(campaign):
     data, robot = campaign("kr30")
     columns = {name: 1000.0 * data.columns[name] for name in "xyz"}
     report = check(changed(data, q2=-data.columns["q2"], **columns), robot)
     assert codes(report, "error") == ["units", "joint_sign"]
 
 
-def test_finds_degrees_and_goes_on_to_what_else_is_wrong(campaign):
+def test_wrong_joint_sign_is_found_beside_degrees(campaign):
     data, robot = campaign("kr30")
     degrees = {f"q{k}": np.degrees(data.columns[f"q{k}"]) for k in range(1, 7)}
     degrees["q3"] = -degrees["q3"]
@@ -183,7 +183,7 @@ def test_finds_degrees_and_goes_on_to_what_else_is_wrong(campaign):
 
 
 @pytest.mark.full
-def test_positions_that_follow_nothing_are_said_to(campaign):
+def test_positions_unrelated_to_the_joints_are_an_error(campaign):
     data, robot = campaign("kr30")
     shuffled = np.random.default_rng(5).permutation(data.count)
     report = check(changed(data, **{name: data.columns[name][shuffled] for name in "xyz"}), robot)
@@ -191,8 +191,8 @@ def test_positions_that_follow_nothing_are_said_to(campaign):
 
 
 @pytest.mark.full
-def test_what_leaves_half_the_error_is_no_cause(campaign):
-    """Joint 2 by another law: that joint 3 turns the other way, say, may leave a third, and explains nothing."""
+def test_cause_that_leaves_a_large_error_is_not_reported(campaign):
+    """With a nonlinearly distorted joint column, a wrong cause (joint 3 reversed) may leave a third of the error."""
     data, robot = campaign("kr30")
     for name, power in (("q1", 2), ("q2", 2), ("q3", 3), ("q4", 2)):
         values = data.columns[name]
@@ -206,8 +206,8 @@ def test_what_leaves_half_the_error_is_no_cause(campaign):
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_small_arm_with_large_errors_is_far_from_nominal_and_not_refused(tmp_path, seed):
-    """Zeros by 1.4 degrees, links by 0.9 degrees and 1.5 mm, at a reach of 0.3 m."""
+def test_small_arm_with_large_errors_is_warned_not_refused(tmp_path, seed):
+    """Errors of 1.4 degrees in zeros, 0.9 degrees and 1.5 mm in links, at a reach of 0.3 m."""
     rng = np.random.default_rng(seed)
     rows = [
         (0.0, 0.0, 0.1),
@@ -249,7 +249,7 @@ def test_small_arm_with_large_errors_is_far_from_nominal_and_not_refused(tmp_pat
     assert "once zeros and links are fitted" in found.message
 
 
-def test_notes_a_base_that_is_not_where_the_robot_file_says(campaign):
+def test_base_that_differs_from_the_robot_file_is_a_note(campaign):
     data, robot = campaign("kr30")
     elsewhere = Robot({**robot.spec, "base": {"xyz": [0.0, 0.0, 3.0], "rpy": [0.0, 0.0, 0.0]}})
     assert finding(check(data, elsewhere), "base_or_tool_elsewhere").severity == "note"
@@ -262,7 +262,7 @@ def test_notes_a_base_that_is_not_where_the_robot_file_says(campaign):
         pytest.param((math.pi, 0.0, 0.7), [0.0, 0.0, 9.81], marks=pytest.mark.full),
     ],
 )
-def test_asks_for_gravity_of_an_arm_on_ceiling_or_wall(campaign, rpy, expected):
+def test_arm_on_ceiling_or_wall_without_gravity_is_a_warning(campaign, rpy, expected):
     data, robot = campaign("kr30")
     upright = matrix_from_rpy(robot.spec["base"]["rpy"])
     turned = data.positions_m @ (matrix_from_rpy(rpy) @ upright.T).T
@@ -278,8 +278,8 @@ def test_asks_for_gravity_of_an_arm_on_ceiling_or_wall(campaign, rpy, expected):
     assert "gravity_not_given" not in codes(check(hanging, replace(silent, spec=massless)))
 
 
-def test_gravity_that_lifts_is_said(campaign):
-    # With it, springs that yield against their loads were told as other effects.
+def test_gravity_that_points_upwards_is_a_warning(campaign):
+    # With the wrong sign of gravity, joint compliance was diagnosed as other effects.
     data, robot = campaign("kr30")
     lifting = replace(robot, spec={**robot.spec, "gravity": [0.0, 0.0, 9.81]}, gravity_stated=True)
     assert "gravity_upwards" not in codes(check(data, robot))
@@ -289,7 +289,7 @@ def test_gravity_that_lifts_is_said(campaign):
 
 
 @pytest.mark.parametrize(("factor", "warned"), [(1.0, False), (1000.0, True)])
-def test_warns_of_payloads_heavier_than_the_arm(campaign, factor, warned):
+def test_payload_heavier_than_the_arm_is_a_warning(campaign, factor, warned):
     data, robot = campaign("kr30")
     payload = np.full(data.count, 8.0 * factor)
     report = check(changed(data, payload=payload), robot)
@@ -300,7 +300,7 @@ def test_warns_of_payloads_heavier_than_the_arm(campaign, factor, warned):
 
 
 @pytest.mark.parametrize(("sigma", "warned"), [(15e-6, False), (60e-6, False), (0.015, True)])
-def test_warns_of_a_sigma_that_the_measurements_contradict(campaign, sigma, warned):
+def test_sigma_far_above_the_measured_scatter_is_a_warning(campaign, sigma, warned):
     data, robot = campaign("kr30")
     report = check(changed(data, sigma=np.full(data.count, sigma)), robot)
     assert ("sigma_too_large" in codes(report, "warning")) == warned
@@ -308,7 +308,7 @@ def test_warns_of_a_sigma_that_the_measurements_contradict(campaign, sigma, warn
         assert "found 15000.0 µm" in finding(report, "sigma_too_large").message
 
 
-def test_warns_of_a_thermometer_that_was_off(campaign):
+def test_thermometer_that_was_off_is_reported_with_its_rows(campaign):
     data, robot = campaign("kr30")
     assert "temperature_off" not in codes(check(data, robot))
     read = data.columns["temp_arm"].copy()
@@ -316,20 +316,20 @@ def test_warns_of_a_thermometer_that_was_off(campaign):
     found = finding(check(changed(data, temp_arm=read), robot), "temperature_off")
     assert found.evidence["rows"] == data.rows[[3, 40, 41]].tolist()
     assert "found 85.0 °C in rows 5, 42, 43" in found.message
-    # Two states that were written down are no fault.
+    # A column with just two temperatures, written down by hand, is no fault.
     written = np.where(np.arange(data.count) < 50, 20.0, 35.0)
     assert not {"temperature_off", "temperature_unit"} & {
         *codes(check(changed(data, temp_arm=written), robot))
     }
 
 
-def test_warns_of_temperatures_in_fahrenheit(campaign):
+def test_temperatures_in_fahrenheit_are_found(campaign):
     data, robot = campaign("kr30")
     hot = changed(data, temp_arm=32.0 + 1.8 * data.columns["temp_arm"])
     assert "(this looks like Fahrenheit)" in finding(check(hot, robot), "temperature_unit").message
 
 
-def test_names_the_rows_of_gross_errors(campaign):
+def test_gross_errors_are_reported_with_their_rows(campaign):
     data, robot = campaign("kr30")
     x = data.columns["x"].copy()
     x[[7, 30]] += [0.05, -0.08]
@@ -338,7 +338,7 @@ def test_names_the_rows_of_gross_errors(campaign):
     assert "rows 9, 32" in found.message
 
 
-def test_finds_a_read_back_that_had_not_settled(campaign):
+def test_joint_still_moving_at_readback_is_found(campaign):
     data, robot = campaign("kr30")
     moving = {f"qr{k}": data.columns[f"q{k}"] for k in range(1, 7)}
     moving["qr2"] = moving["qr2"] + 1e-4 * np.sin(np.arange(data.count))
@@ -348,7 +348,7 @@ def test_finds_a_read_back_that_had_not_settled(campaign):
 
 
 @pytest.mark.full
-def test_finds_joints_that_never_or_hardly_move(campaign):
+def test_joints_that_never_or_hardly_move_are_found(campaign):
     data, robot = campaign("kr30")
     kept = np.full(data.count, 0.3)
     report = check(changed(data, q6=kept, q1=0.05 * data.columns["q1"]), robot)
@@ -358,7 +358,7 @@ def test_finds_joints_that_never_or_hardly_move(campaign):
     assert finding(report, "joint_hardly_moves").evidence["joint"] == 1
 
 
-def test_finds_poses_beyond_the_limits(campaign):
+def test_pose_beyond_joint_limits_is_found(campaign):
     data, robot = campaign("kr30")
     q2 = data.columns["q2"].copy()
     q2[4] = robot.joints[1]["limits"][1] + 0.2
@@ -367,7 +367,7 @@ def test_finds_poses_beyond_the_limits(campaign):
     assert "11.46°" in found.message
 
 
-def test_finds_rows_copied_and_positions_not_measured_again(campaign):
+def test_copied_rows_and_stale_positions_are_found(campaign):
     data, robot = campaign("kr30")
     copied = {name: values.copy() for name, values in data.columns.items()}
     for values in copied.values():
@@ -380,8 +380,8 @@ def test_finds_rows_copied_and_positions_not_measured_again(campaign):
 
 
 @pytest.mark.parametrize("every", [1, 2, 50])
-def test_a_lost_reflector_is_said_to_be_one(campaign, every):
-    # Zeros gave "column nan is missing", "positions do not follow", or "the instrument had not measured again".
+def test_zero_positions_are_reported_as_a_lost_reflector(campaign, every):
+    # Zeros once gave "column nan is missing", "positions do not follow", or "the instrument had not measured again".
     data, robot = campaign("kr30")
     zeros = {name: np.where(np.arange(data.count) % every == 0, 0.0, data.columns[name]) for name in "xyz"}
     report = check(changed(data, **zeros), robot)
@@ -392,14 +392,14 @@ def test_a_lost_reflector_is_said_to_be_one(campaign, every):
     assert not {"duplicate_rows", "stale_position", "no_fit"} & set(codes(report))
 
 
-def test_a_coordinate_that_nobody_measured_is_named(campaign):
+def test_coordinate_that_is_zero_in_all_rows_is_named(campaign):
     data, robot = campaign("kr30")
     report = check(changed(data, z=np.zeros(data.count)), robot)
     assert finding(report, "no_position").message == "z is 0 in all rows: nothing was measured there"
     assert [f.code for f in report.findings if f.severity == "error"] == ["no_position"]
 
 
-def test_asks_for_the_repeat_column_and_refuses_a_wrong_one(campaign):
+def test_missing_repeat_column_is_noted_and_a_wrong_one_refused(campaign):
     data, robot = campaign("kr30")
     without = replace(data, columns={name: v for name, v in data.columns.items() if name != "repeat"})
     assert "scatter by" in finding(check(without, robot), "repeated_poses").message
@@ -408,7 +408,7 @@ def test_asks_for_the_repeat_column_and_refuses_a_wrong_one(campaign):
     assert finding(check(changed(data, repeat=repeat), robot), "repeat_differs").severity == "error"
 
 
-def test_finds_time_that_goes_back(campaign):
+def test_time_that_goes_back_is_found(campaign):
     data, robot = campaign("kr30")
     time = data.columns["time"].copy()
     time[8] -= 1000.0
@@ -416,7 +416,7 @@ def test_finds_time_that_goes_back(campaign):
 
 
 @pytest.mark.parametrize(("drift_m", "code"), [(80e-6, "base_drift"), (0.0, "fixed_reflector")])
-def test_tells_a_fixed_reflector_that_drifts_from_one_that_stands(campaign, drift_m, code):
+def test_drifting_fixed_reflector_is_told_from_a_steady_one(campaign, drift_m, code):
     data, robot = campaign("kr30")
     columns = {name: values.copy() for name, values in data.columns.items()}
     fixed = np.arange(0, data.count, 10)
@@ -445,7 +445,7 @@ def test_too_few_poses_are_an_error(campaign, chosen, words):
     assert words in finding(check(rows_of(data, chosen), robot), "too_few_poses").message
 
 
-def test_says_what_the_data_cannot_tell(campaign):
+def test_effects_that_the_data_cannot_determine_are_listed(campaign):
     data, robot = campaign("kr30")
     without = replace(data, columns={name: v for name, v in data.columns.items() if name != "temp_arm"})
     narrow = rows_of(without, np.flatnonzero(np.abs(data.columns["q1"]) < 0.6))
@@ -458,7 +458,7 @@ def test_says_what_the_data_cannot_tell(campaign):
     assert all("by these poses" in found.message for found in report.findings if found.code == "cannot_tell")
 
 
-def test_a_report_counts_and_orders_its_findings(campaign):
+def test_report_counts_findings_and_sorts_them_by_severity(campaign):
     data, robot = campaign("kr30")
     report = check(changed(data, q2=-data.columns["q2"], q6=np.zeros(data.count)), robot)
     severities = [found.severity for found in report.findings]

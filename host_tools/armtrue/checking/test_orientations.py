@@ -1,4 +1,4 @@
-"""Orientations that follow the arm pass; those read under another convention are found, and named where they can be."""
+"""Orientations that follow the arm pass; another convention is found, and named where it is a known one."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def quaternions(rotation: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def turned(tmp_path_factory) -> tuple[Dataset, Robot, np.ndarray]:
-    """A campaign and its rotations, measuring frame from tool, a tool askew, half a degree of error."""
+    """A campaign and its rotations (measuring frame from tool): tilted tool, noise of half a degree."""
     import armtrue_sim
 
     from armtrue.checking.test_check import SCENARIOS
@@ -71,19 +71,19 @@ def test_orientations_that_follow_the_arm_pass(turned, sign):
     ("places", "words"),
     [((1, 2, 3, 0), "x, y, z, w and were read as w, x, y, z"), ((3, 0, 1, 2), "read as x, y, z, w")],
 )
-def test_another_order_of_the_quaternion_is_named(turned, places, words):
+def test_other_order_of_quaternion_components_is_named(turned, places, words):
     data, robot, rotation = turned
     (message,) = said(with_rotations(data, quaternions(rotation)[:, places]), robot)
     assert words in message
 
 
-def test_the_inverse_is_named(turned):
+def test_inverse_orientation_is_named(turned):
     data, robot, rotation = turned
     (message,) = said(with_rotations(data, quaternions(np.swapaxes(rotation, 1, 2))), robot)
     assert "the inverse" in message
 
 
-def test_other_angles_are_found_without_a_name(turned):
+def test_unknown_orientation_convention_is_found_without_a_name(turned):
     data, robot, rotation = turned
     mirrored = quaternions(rotation) * [1.0, 1.0, -1.0, 1.0]
     (message,) = said(with_rotations(data, mirrored), robot)

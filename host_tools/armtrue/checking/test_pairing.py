@@ -1,4 +1,4 @@
-"""Blocks of rows with the positions of other rows, or with the names of other reflectors."""
+"""Blocks of rows that have the positions of other rows, or the names of other reflectors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from armtrue.io import Dataset, Robot
 
 
 def shifted(data: Dataset, first: int, last: int, lag: int = 1) -> Dataset:
-    """`data` with positions from `lag` rows further down in the entries `first` to `last`; rows without one go."""
+    """`data` with entries `first` to `last` given the positions `lag` rows further down; rows without one are cut."""
     own = np.arange(data.count)
     source = np.where((own >= first) & (own <= last), own + lag, own)
     kept = source < data.count
@@ -34,7 +34,7 @@ def errors_and_warnings(data: Dataset, robot: Robot) -> list[Finding]:
 @pytest.mark.quick("0.12-kr30-91", "0.9-kr30-94", "0.5-cobot-194")
 @pytest.mark.parametrize(("arm", "seed"), [("kr30", 91), ("kr30", 94), ("kr30", 96), ("cobot", 194)])
 @pytest.mark.parametrize("share", [0.12, 0.5, 0.9])
-def test_lost_reading_is_named_by_its_row_and_a_fit_refused(
+def test_lost_reading_is_reported_with_its_row_and_fit_refused(
     campaign: Campaign, arm: str, seed: int, share: float
 ) -> None:
     data, robot = campaign(arm, seed)
@@ -50,14 +50,14 @@ def test_lost_reading_is_named_by_its_row_and_a_fit_refused(
         refuse_what_cannot_be_an_arm(lost, robot)
 
 
-def test_surplus_reading_is_named_and_its_copy_is_not_all_that_is_said(campaign: Campaign) -> None:
+def test_surplus_reading_is_reported_as_a_shift_not_as_a_copy(campaign: Campaign) -> None:
     data, robot = campaign()
     (found,) = errors_and_warnings(shifted(data, 100, data.count, lag=-1), robot)
     assert "from row 102 on, each position belongs to the joints of the row before" in found.message
     assert "up by 1 row" in found.remedy
 
 
-def test_two_lost_readings_are_two_blocks(campaign: Campaign) -> None:
+def test_two_lost_readings_are_reported_as_two_blocks(campaign: Campaign) -> None:
     data, robot = campaign()
     twice = shifted(shifted(data, 60, data.count), 150, data.count)
     one, other = errors_and_warnings(twice, robot)
@@ -65,19 +65,19 @@ def test_two_lost_readings_are_two_blocks(campaign: Campaign) -> None:
     assert "from row 152 on, each position belongs to the joints 2 rows further down" in other.message
 
 
-def test_shift_that_ends_is_named_with_both_ends(campaign: Campaign) -> None:
+def test_shift_of_a_block_is_reported_with_both_ends(campaign: Campaign) -> None:
     data, robot = campaign()
     (found,) = errors_and_warnings(shifted(data, 60, 120), robot)
     assert "in rows 62 to 122, each position belongs to the joints of the next row" in found.message
 
 
-def test_shift_of_the_whole_file_by_two_rows_is_said(campaign: Campaign) -> None:
+def test_shift_of_the_whole_file_by_two_rows_is_reported(campaign: Campaign) -> None:
     data, robot = campaign()
     (found,) = errors_and_warnings(shifted(data, 0, data.count, lag=2), robot)
     assert "in all rows, each position belongs to the joints 2 rows further down" in found.message
 
 
-def test_shift_is_found_where_one_reflector_was_measured_after_the_other(campaign: Campaign) -> None:
+def test_shift_is_found_with_rows_sorted_by_reflector(campaign: Campaign) -> None:
     data, robot = campaign(targets={"names": ["A", "B"], "order": "cycle"})
     without_time = {name: values for name, values in data.columns.items() if name != "time"}
     data = replace(data, columns=without_time).take(np.argsort(data.columns["target"], kind="stable"))
@@ -87,7 +87,7 @@ def test_shift_is_found_where_one_reflector_was_measured_after_the_other(campaig
     assert "from row 162 on" in found.message
 
 
-def test_shift_and_exchange_are_told_apart_where_each_pose_has_both_reflectors(campaign: Campaign) -> None:
+def test_shift_and_exchange_differ_with_two_reflectors_per_pose(campaign: Campaign) -> None:
     data, robot = campaign(targets={"names": ["A", "B"], "order": "each_pose"})
     (lost,) = errors_and_warnings(shifted(data, 120, data.count), robot)
     assert (lost.code, lost.evidence["first_row"]) == ("rows_shifted", 122)
@@ -99,32 +99,30 @@ def test_shift_and_exchange_are_told_apart_where_each_pose_has_both_reflectors(c
 
 @pytest.mark.quick("kr30-95")
 @pytest.mark.parametrize(("arm", "seed"), [("kr30", 95), ("cobot", 91)])
-def test_sample_of_rows_that_misses_a_reflector_raises_nothing(
-    campaign: Campaign, arm: str, seed: int
-) -> None:
-    # 60 of 180 rows are looked at: one of them has the third reflector, and in a reading shifted by a row none has.
+def test_sampled_rows_without_a_reflector_give_no_finding(campaign: Campaign, arm: str, seed: int) -> None:
+    # The check samples 60 of 180 rows: one has the third reflector, and with the positions shifted by a row none has.
     targets = {"names": ["A", "B", "C"], "order": "each_pose"}
     data, robot = campaign(arm, seed, poses=60, repeats={"poses": 2, "times": 3}, targets=targets)
     assert errors_and_warnings(data, robot) == []
 
 
-def test_short_shift_is_a_warning_that_a_fit_keeps(campaign: Campaign) -> None:
+def test_short_shift_is_a_warning_and_does_not_stop_a_fit(campaign: Campaign) -> None:
     data, robot = campaign()
     brief = shifted(data, 60, 67)
-    # The copy at its end is the shift's own: neither it nor gross errors are reported beside it.
+    # The shift makes the copy at its end: neither the copy nor gross errors are reported in addition.
     (found,) = errors_and_warnings(brief, robot)
     assert (found.code, found.severity) == ("rows_shifted", "warning")
     assert any("in rows 62 to 69" in doubt for doubt in refuse_what_cannot_be_an_arm(brief, robot))
 
 
-def test_positions_that_follow_their_own_rows_raise_nothing(campaign: Campaign) -> None:
+def test_positions_that_follow_their_own_rows_give_no_finding(campaign: Campaign) -> None:
     for arm in ("kr30", "scara", "cobot"):
         assert not errors_and_warnings(*campaign(arm))
     data, robot = campaign(targets={"names": ["A", "B"], "order": "cycle"})
     assert not errors_and_warnings(data, robot)
 
 
-def test_gross_errors_and_rows_that_changed_places_are_no_shift(campaign: Campaign) -> None:
+def test_gross_errors_and_swapped_rows_are_no_shift(campaign: Campaign) -> None:
     data, robot = campaign()
     columns = {name: data.columns[name].copy() for name in "xyz"}
     for values in columns.values():
@@ -135,7 +133,9 @@ def test_gross_errors_and_rows_that_changed_places_are_no_shift(campaign: Campai
 
 
 @pytest.mark.parametrize(("count", "severity"), [(8, "warning"), (30, "error"), (105, "error")])
-def test_exchanged_names_of_reflectors_are_said(campaign: Campaign, count: int, severity: str) -> None:
+def test_exchanged_reflector_names_are_reported_with_their_rows(
+    campaign: Campaign, count: int, severity: str
+) -> None:
     data, robot = campaign(targets={"names": ["A", "B"], "order": "cycle"})
     target = data.columns["target"].copy()
     target[60 : 60 + count] = 1.0 - target[60 : 60 + count]
@@ -147,7 +147,7 @@ def test_exchanged_names_of_reflectors_are_said(campaign: Campaign, count: int, 
     assert found.remedy.startswith("Exchange 'A' and 'B' in the column target")
 
 
-def test_name_that_stayed_the_same_is_said(campaign: Campaign) -> None:
+def test_reflector_name_that_was_not_changed_is_reported(campaign: Campaign) -> None:
     data, robot = campaign(targets={"names": ["A", "B"], "order": "cycle"})
     target = data.columns["target"].copy()
     target[60:90] = data.labels["target"].index("A")
@@ -156,10 +156,10 @@ def test_name_that_stayed_the_same_is_said(campaign: Campaign) -> None:
     assert len(found.evidence["rows"]) == 15
 
 
-def test_reflector_whose_place_is_not_found_has_no_infinite_distance(
+def test_reflector_that_cannot_be_placed_gives_no_infinity(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Beside rows that follow the nominal arm exactly an alignment gives the other reflector's no weight."""
+    """If the rows of one reflector follow the nominal arm exactly, the alignment gives those of the other no weight."""
     data, robot = campaign()
     exact = nominal_positions(data, robot, robot.spec["base"], robot.spec["tool"])
     near = exact + np.random.default_rng(1).normal(0.0, 4e-4, exact.shape)
@@ -181,7 +181,7 @@ def test_reflector_whose_place_is_not_found_has_no_infinite_distance(
     json.dumps(report.document(), allow_nan=False)
 
 
-def test_figures_that_are_not_finite_are_null_in_the_document() -> None:
+def test_non_finite_evidence_is_null_in_the_document() -> None:
     found = Finding("x", "note", "y", {"a_m": math.inf, "rows": [1.0, math.nan], "b": {"c": 1}})
     (entry,) = CheckReport.of([found]).document()["findings"]
     assert entry["evidence"] == {"a_m": None, "rows": [1.0, None], "b": {"c": 1}}

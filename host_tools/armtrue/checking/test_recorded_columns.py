@@ -1,4 +1,4 @@
-"""Columns beside joints and positions: directions against the order of the rows, thermometers, what never changes."""
+"""Columns beside joints and positions: approach directions, thermometers, units, columns that never change."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def only(findings: list[Finding]) -> Finding:
 @pytest.mark.parametrize(
     ("change", "words"), [(late, "moved up by one row"), (early, "moved down by one row")]
 )
-def test_directions_one_row_off_are_a_warning(campaign, arm, seed, change, words):
+def test_directions_shifted_by_one_row_are_a_warning(campaign, arm, seed, change, words):
     data, robot = campaign(arm, seed, directions="order")
     wrong = with_directions(data, change)
     found = only(find(wrong))
@@ -62,7 +62,7 @@ def test_directions_one_row_off_are_a_warning(campaign, arm, seed, change, words
     assert any(words in doubt for doubt in refuse_what_cannot_be_an_arm(wrong, robot))
 
 
-def test_directions_of_the_other_sign_are_named(campaign):
+def test_directions_of_opposite_sign_are_named(campaign):
     data, _ = campaign(directions="order")
     found = only(find(with_directions(data, np.negative, range(2, 4))))
     assert "dir2, dir3" in found.message
@@ -78,8 +78,8 @@ def test_directions_of_the_other_sign_are_named(campaign):
     ],
     ids=["0 for -1", "1 for -1"],
 )
-def test_directions_of_zero_and_one_are_named(campaign, change, mend):
-    # They were said to come from one side to all poses.
+def test_directions_written_as_zero_and_one_are_named(campaign, change, mend):
+    # Once reported as columns that never change: as if the joint approached all poses from one side.
     data, robot = campaign(directions="order")
     wrong = with_directions(data, change, range(2, 4))
     found = only(find(wrong))
@@ -87,26 +87,26 @@ def test_directions_of_zero_and_one_are_named(campaign, change, mend):
     assert not any("dir2" in f.message for f in check(wrong, robot).findings if f.code == "never_changes")
 
 
-def test_joint_that_came_from_one_side_or_stood_is_no_zero_for_the_other(campaign):
+def test_direction_0_of_a_joint_at_rest_is_not_taken_for_minus_1(campaign):
     data, _ = campaign(directions="order")
     stood = np.where(np.arange(data.count) % 3 == 0, 0.0, 1.0)
     assert find(with_directions(data, lambda _: stood, range(2, 4))) == []
 
 
-def test_rows_are_taken_in_order_of_time(campaign):
+def test_directions_are_checked_in_order_of_time(campaign):
     data, _ = campaign(directions="order")
     mixed = np.random.default_rng(3).permutation(data.count)
     assert find(data.take(mixed)) == []
     assert find(with_directions(data, late).take(mixed))
 
 
-def test_directions_that_agree_or_tell_nothing_raise_nothing(campaign):
+def test_consistent_or_undecidable_directions_give_no_finding(campaign):
     data, _ = campaign(directions="order")
     assert find(data) == []
-    # The arm came by way of other points; too few motions to tell.
+    # The arm passed other points between the poses; then too few motions to decide.
     assert find(campaign(directions="random")[0]) == []
     assert find(with_directions(data, late).take(np.arange(20))) == []
-    # A joint that goes one way for long agrees as it stands and moved.
+    # The directions of a joint that long moves one way agree with its motion as they are and shifted by a row.
     one_way = np.arange(float(data.count))
     long_way = replace(data, columns={**data.columns, "q1": one_way, "dir1": np.ones(data.count)})
     assert find(with_directions(long_way, late, range(1, 2))) == []
@@ -126,7 +126,7 @@ def only_one(data: Dataset, code: str) -> Finding:
 
 
 @pytest.mark.parametrize("last", [130, None])
-def test_warns_of_a_thermometer_that_stands_still(campaign, last):
+def test_thermometer_that_stops_changing_is_a_warning(campaign, last):
     data, _ = campaign()
     order = np.argsort(data.columns["time"], kind="stable")
     rng = np.random.default_rng(4)
@@ -145,13 +145,13 @@ def test_warns_of_a_thermometer_that_stands_still(campaign, last):
     assert found.evidence["rows"] == rows.tolist()
     assert f"found {read[60]:.2f} °C unchanged from row {rows[0]} to row {rows[-1]}" in found.message
     assert "temp_hall" in found.message
-    # Coarse figures stand still when little changes; a plateau that is reached and left by small steps is no fault.
+    # Coarse readings are constant while little changes; a plateau reached and left by small steps is no fault.
     coarse = np.round(2.0 * (20.0 + 8.0 * (1.0 - np.exp(-np.arange(data.count) / 15.0)))) / 2.0
     columns["temp_arm"][order] = coarse
     assert "temperature_stands" not in codes_of(changed(data, **columns))
 
 
-def test_sensor_of_the_robot_file_without_a_column_is_named(campaign):
+def test_sensor_of_robot_file_without_a_column_is_named(campaign):
     data, robot = campaign()
     assert temperatures.without_columns(data, robot) == []
     other = Robot({**robot.spec, "temperature": {"reference": 20.0, "sensors": ["arn"]}})
@@ -166,7 +166,7 @@ def test_sensor_of_the_robot_file_without_a_column_is_named(campaign):
 
 
 @pytest.mark.parametrize("value", [85.0, 0.0, -40.0])
-def test_warns_of_one_row_in_which_a_thermometer_was_off(campaign, value):
+def test_thermometer_that_was_off_in_one_row_is_a_warning(campaign, value):
     data, _ = campaign()
     read = data.columns["temp_arm"].copy()
     read[7] = value
@@ -174,7 +174,7 @@ def test_warns_of_one_row_in_which_a_thermometer_was_off(campaign, value):
     assert f"found {value:.1f} °C in row 9" in found.message
 
 
-def test_warns_of_each_value_that_a_thermometer_had_while_it_was_off(campaign):
+def test_each_error_value_of_a_thermometer_is_a_warning(campaign):
     data, _ = campaign()
     read = data.columns["temp_arm"].copy()
     read[[3, 40]], read[[5, 9]] = -60.0, -40.0
@@ -186,7 +186,7 @@ def test_warns_of_each_value_that_a_thermometer_had_while_it_was_off(campaign):
     assert found == [data.rows[[3, 40]].tolist(), data.rows[[5, 9]].tolist()]
 
 
-def test_names_columns_that_never_change(campaign):
+def test_columns_that_never_change_are_named(campaign):
     data, robot = campaign()
     before = [f.message for f in check(data, robot).findings if f.code == "never_changes"]
     assert not any("dir" in message or "temp" in message for message in before)
@@ -207,8 +207,8 @@ def test_names_columns_that_never_change(campaign):
     ("times", "looks_like", "unit"),
     [(1e3, "milliseconds", "ms"), (1.0 / 3600.0, "hours", "h")],
 )
-def test_times_that_no_campaign_takes_are_in_another_unit(campaign, times, looks_like, unit):
-    # Heat that comes with time was put down to thermometers, and to gears that warm.
+def test_implausible_times_are_reported_as_another_unit(campaign, times, looks_like, unit):
+    # Warm-up over time was attributed to the measured temperatures and to the warming of gears.
     data, robot = campaign(hidden=["warm_up"])
     assert units.find_time(data, robot) == []
     other = replace(data, columns={**data.columns, "time": times * data.columns["time"]})
@@ -220,7 +220,7 @@ def test_times_that_no_campaign_takes_are_in_another_unit(campaign, times, looks
     assert any(finding.code == "time_unit" for finding in check(other, robot).findings)
 
 
-def test_travel_beyond_what_a_joint_can_turn_is_in_another_unit(campaign):
+def test_implausible_travel_is_reported_as_another_unit(campaign):
     data, robot = campaign(columns={"add": ["travel"]})
     assert units.find_travel(data, robot) == []
     degrees = changed(data, travel3=np.degrees(data.columns["travel3"]))
@@ -229,7 +229,7 @@ def test_travel_beyond_what_a_joint_can_turn_is_in_another_unit(campaign):
     assert any(finding.code == "travel_unit" for finding in check(degrees, robot).findings)
 
 
-def test_gear_that_is_slower_at_the_motor_is_named(campaign):
+def test_gear_ratio_below_one_is_reported(campaign):
     data, robot = campaign()
     assert units.find_ratios(robot) == []
     spec = robot.spec | {"kinematics": json.loads(json.dumps(robot.spec["kinematics"]))}
@@ -239,7 +239,7 @@ def test_gear_that_is_slower_at_the_motor_is_named(campaign):
     assert "Write -100 for joint 2" in found.remedy
 
 
-def test_kelvin_is_not_called_fahrenheit_as_well(campaign):
+def test_kelvin_is_not_also_reported_as_fahrenheit(campaign):
     data, robot = campaign()
     warm = changed(data, temp_arm=1.8 * data.columns["temp_arm"] + 32.0)
     assert "temperature_unit" in codes_of(warm)
@@ -248,7 +248,7 @@ def test_kelvin_is_not_called_fahrenheit_as_well(campaign):
     assert any("look like kelvin" in finding.message for finding in units.find(kelvin, robot))
 
 
-def test_clock_that_begins_again_is_not_to_be_sorted(campaign):
+def test_restarted_clock_is_not_reported_as_unsorted_time(campaign):
     data, robot = campaign()
     time = data.columns["time"].copy()
     for first in (80, 160):
@@ -260,7 +260,7 @@ def test_clock_that_begins_again_is_not_to_be_sorted(campaign):
 
 
 @pytest.mark.parametrize("times", [0.0, 0.05, 1.0 / 60.0, 20.0])
-def test_times_that_some_campaign_takes_raise_nothing(campaign, times):
+def test_plausible_times_give_no_finding(campaign, times):
     data, robot = campaign(hidden=["warm_up"])
     other = replace(data, columns={**data.columns, "time": 5.0 + times * data.columns["time"]})
     assert units.find_time(other, robot) == []

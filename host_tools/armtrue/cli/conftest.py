@@ -1,4 +1,4 @@
-"""The command line as its tests run it, and a simulated arm with a fit to run it on."""
+"""Runs `armtrue` commands for tests, on a simulated arm with a fit."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _begin(
 def run_forked(
     *arguments: str, cwd: Path | str = ".", timeout: float = 120.0
 ) -> subprocess.CompletedProcess[str]:
-    """`armtrue ARGUMENTS` in the folder `cwd`; subprocess.TimeoutExpired after `timeout` seconds."""
+    """Run `armtrue ARGUMENTS` in the folder `cwd`; raises subprocess.TimeoutExpired after `timeout` seconds."""
     with tempfile.NamedTemporaryFile("r") as out, tempfile.NamedTemporaryFile("r") as err:
         process = _forks.Process(target=_begin, args=(arguments, cwd, dict(os.environ), (out.name, err.name)))
         process.start()
@@ -79,7 +79,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def urdf_of(robot: Path, length: float = 1.0) -> str:
-    """The arm in `robot`, a table in modified DH, as a URDF; lengths times `length`."""
+    """A URDF of the arm in `robot` (a modified DH table), with all lengths multiplied by `length`."""
     joints = yaml.safe_load(robot.read_text())["kinematics"]["joints"]
     parts = ['<robot name="arm"><link name="base"/>']
     parent, turned = "base", 0.0

@@ -31,7 +31,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def refused(folder: Path, *arguments: str) -> str:
-    """The sentence of a command that must end with status 2 and leave every file as it is."""
+    """Run a command that must end with status 2 and change no file; return its one-line message."""
     before = contents(folder)
     run = armtrue(*arguments, cwd=folder)
     assert run.returncode == 2, run.stdout + run.stderr
@@ -64,7 +64,7 @@ def exported(folder):
         "check data.csv --robot robot.yaml --json robot.yaml",
     ],
 )
-def test_output_that_is_an_input_is_refused_before_anything_is_written(exported, command):
+def test_output_that_is_an_input_is_refused_before_writing(exported, command):
     assert "expected one" in refused(exported, *command.split())
 
 
@@ -77,7 +77,7 @@ def test_output_that_is_an_input_is_refused_before_anything_is_written(exported,
         ("tables", "info", ""),
     ],
 )
-def test_folder_or_nothing_in_place_of_a_file_is_refused(exported, command):
+def test_folder_or_empty_name_in_place_of_a_file_is_refused(exported, command):
     assert "expected" in refused(exported, *command)
 
 
@@ -107,7 +107,7 @@ def test_export_options_that_no_table_can_hold_are_refused_by_name(exported, opt
     assert option in refused(exported, "export", "fit.json", "--out", "o.bin", option, value)
 
 
-def test_increments_of_wrong_number_or_size_are_told_what_is_expected(exported):
+def test_increments_of_wrong_count_or_size_name_the_limits(exported):
     export = ("export", "fit.json", "--out", "o.bin", "--increments")
     words = "expected 1 or 6 numbers from 16 to 2147483648, negative where a drive counts against its joint"
     assert f"found 1, {words}" in refused(exported, *export, "1")
@@ -124,17 +124,17 @@ def test_increments_of_wrong_number_or_size_are_told_what_is_expected(exported):
         "--sequence=4294967295",
     ],
 )
-def test_extreme_options_of_export_are_taken(exported, tmp_path, option):
+def test_export_accepts_the_extreme_valid_options(exported, tmp_path, option):
     run = armtrue("export", "fit.json", "--out", str(tmp_path / "o.bin"), option, cwd=exported)
     assert run.returncode == 0, run.stderr
 
 
-def test_tool_by_name_where_the_only_one_has_none_is_told_so(exported):
+def test_tool_name_is_refused_if_the_only_tool_has_no_name(exported):
     said = refused(exported, "export", "fit.json", "--out", "o.bin", "--tool", "nosuch")
     assert "--tool: found 'nosuch', expected none: the fit has one tool, which has no name" in said
 
 
-def test_options_that_the_firmware_cuts_are_said(exported, tmp_path):
+def test_export_reports_options_that_the_firmware_limits(exported, tmp_path):
     options = ("--max-rate", "100", "--max-correction", "1", "--damping", "0.001")
     run = armtrue("export", "fit.json", "--out", str(tmp_path / "o.bin"), *options, cwd=exported)
     said = " ".join(run.stdout.split())
@@ -147,7 +147,7 @@ def test_options_that_the_firmware_cuts_are_said(exported, tmp_path):
 
 @pytest.mark.quick("device monitor")
 @pytest.mark.parametrize("command", ["device info", "device monitor", "device selftest", "upload t.bin"])
-def test_timeout_that_would_never_end_is_refused(exported, command):
+def test_nan_or_infinite_timeout_is_refused(exported, command):
     bus = ("--interface", "virtual", "--channel", "test", "--timeout")
     said = refused(exported, *command.split(), *bus, "nan")
     assert "--timeout: found nan, expected 0.05 to 60" in said
@@ -155,7 +155,7 @@ def test_timeout_that_would_never_end_is_refused(exported, command):
 
 
 def float_options():
-    """Every option of every command that takes a number with a fraction."""
+    """Yield (command, option, count of numbers) for every option that takes floating-point numbers."""
 
     def under(command):
         if isinstance(command, click.Group):
@@ -173,7 +173,7 @@ def float_options():
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_every_option_that_takes_a_number_refuses_one_that_is_not_finite(value):
+def test_every_float_option_refuses_nan_and_infinity(value):
     options = list(float_options())
     assert len(options) > 15
     for command, parameter, count in options:
@@ -195,8 +195,8 @@ def test_every_option_that_takes_a_number_refuses_one_that_is_not_finite(value):
         "export --help",
     ],
 )
-def test_closed_pipe_is_no_refusal(exported, command):
-    """As `armtrue … | head` leaves it: nobody reads what the command prints."""
+def test_closed_output_pipe_ends_quietly_with_status_141(exported, command):
+    """As with `armtrue … | head`: the reader of the pipe has ended."""
     read, write = os.pipe()
     os.close(read)
     try:
@@ -231,7 +231,7 @@ def test_write_file_follows_links_and_writes_through_pipes(tmp_path):
     assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
 
 
-def test_commands_with_output_to_devices_leave_them_devices(folder):
+def test_output_to_a_device_file_does_not_replace_it(folder):
     run = armtrue("predict", "fit.json", "test.csv", "--out", "/dev/null", cwd=folder)
     assert run.returncode == 0, run.stderr
     assert stat.S_ISCHR(Path("/dev/null").stat().st_mode)
@@ -257,14 +257,14 @@ def test_commands_with_output_to_devices_leave_them_devices(folder):
         ("temp_arm", "temp_arm"),
     ],
 )
-def test_temperature_column_is_read_under_a_name_that_expressions_can_hold(folder, tmp_path, header, name):
+def test_temperature_header_becomes_a_valid_expression_name(folder, tmp_path, header, name):
     text = (folder / "data.csv").read_text().replace("temp_arm", header, 1)
     (tmp_path / "data.csv").write_text(text)
     robot = load_robot(folder / "robot.yaml")
     assert name in load_data(tmp_path / "data.csv", robot).columns
 
 
-def test_sensor_name_that_no_expression_can_hold_is_refused_with_one_that_it_can(folder, tmp_path):
+def test_invalid_sensor_name_is_refused_with_a_valid_one(folder, tmp_path):
     robot = yaml.safe_load((folder / "robot.yaml").read_text())
     robot["temperature"]["sensors"] = ["arm 1"]
     (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot))
@@ -273,7 +273,7 @@ def test_sensor_name_that_no_expression_can_hold_is_refused_with_one_that_it_can
 
 
 @pytest.mark.parametrize("orders", ["[0]", "[1e300]", "[-1]"])
-def test_orders_that_no_gear_has_are_refused(folder, orders):
+def test_impossible_gear_orders_are_refused(folder, orders):
     sentence = refused(
         folder,
         "add",
@@ -289,7 +289,7 @@ def test_orders_that_no_gear_has_are_refused(folder, orders):
     assert "orders" in sentence
 
 
-def test_yaml_aliases_without_end_are_refused_at_once(tmp_path):
+def test_yaml_alias_bombs_and_alias_loops_are_refused(tmp_path):
     lines = ["a: &a [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"{b}: &{b} [{', '.join([f'*{a}'] * 10)}]" for a, b in zip("abcdefgh", "bcdefghi", strict=True)]
     (tmp_path / "bomb.yaml").write_text("\n".join(lines) + "\n")
@@ -300,7 +300,7 @@ def test_yaml_aliases_without_end_are_refused_at_once(tmp_path):
         load_yaml(tmp_path / "loop.yaml")
 
 
-def test_sizes_are_looked_at_before_reading(exported, tmp_path):
+def test_oversized_files_are_refused_before_reading(exported, tmp_path):
     shutil.copytree(exported, tmp_path / "in")
     with (tmp_path / "in" / "sparse.bin").open("wb") as stream:
         stream.truncate(20 * 1024**3)
@@ -327,13 +327,13 @@ def test_sizes_are_looked_at_before_reading(exported, tmp_path):
         ("d.yaml", "file: data.csv\nheader_row: " + "9" * 400 + "\n", "30 digits"),
     ],
 )
-def test_dataset_yaml_that_cannot_be_is_one_sentence(folder, name, text, words):
+def test_invalid_dataset_yaml_is_refused_in_one_sentence(folder, name, text, words):
     columns = ", ".join(f"{column}: {column}" for column in (*(f"q{k}" for k in range(1, 7)), *"xyz"))
     (folder / name).write_text(f"{text}columns: {{{columns}}}\n")
     assert words in refused(folder, "check", name, "--robot", "robot.yaml")
 
 
-def test_number_of_6000_digits_in_a_fit_is_one_sentence(folder):
+def test_number_of_6000_digits_in_a_fit_is_refused(folder):
     text = (folder / "fit.json").read_text().replace('"seed": 0', '"seed": ' + "7" * 6000)
     (folder / "long.json").write_text(text)
     said = refused(folder, "diagnose", "long.json")
@@ -348,17 +348,17 @@ def test_number_of_6000_digits_in_a_fit_is_one_sentence(folder):
         ("--bus-option nonsense=1", "--bus-option: found 'nonsense'"),
     ],
 )
-def test_bus_that_cannot_be_as_asked_is_bad_input(folder, options, words):
+def test_invalid_bus_options_are_refused_by_name(folder, options, words):
     command = f"device info --interface virtual --channel test {options}"
     assert words in refused(folder, *command.split())
 
 
-def test_bus_option_without_a_value_is_bad_input(folder):
+def test_bus_option_without_a_value_is_refused(folder):
     command = "device info --interface virtual --channel test --bus-option foo"
     assert "KEY=VALUE" in refused(folder, *command.split())
 
 
-def test_utf_16_without_a_mark_is_named_and_read_by_init(folder):
+def test_utf_16_without_byte_order_mark_is_named_and_init_reads_it(folder):
     (folder / "wide.csv").write_bytes((folder / "data.csv").read_text().encode("utf-16-le"))
     said = refused(folder, "check", "wide.csv", "--robot", "robot.yaml")
     assert "found UTF-16 text" in said
@@ -370,7 +370,7 @@ def test_utf_16_without_a_mark_is_named_and_read_by_init(folder):
 @pytest.mark.parametrize(
     ("typed", "meant"), [("diagnos", "diagnose"), ("chek", "check"), ("refien", "refine")]
 )
-def test_mistyped_command_is_answered_with_the_nearest(folder, typed, meant):
+def test_mistyped_command_suggests_the_nearest_one(folder, typed, meant):
     assert f"did you mean '{meant}'" in refused(folder, typed, "fit.json")
 
 
@@ -378,7 +378,7 @@ def test_mistyped_command_is_answered_with_the_nearest(folder, typed, meant):
     ("command", "units"),
     [("export", ["[rad, m]", "[rad/s, m/s]", "[m/rad]", "[kg]"]), ("plan", ["[m]", "[m, robot base]"])],
 )
-def test_units_survive_in_help(folder, command, units):
+def test_help_shows_units_in_square_brackets(folder, command, units):
     run = armtrue(command, "--help", cwd=folder)
     words = " ".join(run.stdout.replace("│", " ").split())
     for unit in units:

@@ -1,4 +1,4 @@
-"""`armtrue check` on files with one mistake or two: it must name them, and not another that would do half as well."""
+"""`armtrue check` on files with one or two mistakes: it must name these, not another that fits half as well."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def robot_file(path: Path, **changed: Any) -> Path:
 
 
 def measured(robot: Path, joints: np.ndarray, noise_m: float = 0.0005) -> dict[str, np.ndarray]:
-    """Columns of points as the arm in `robot` reaches them."""
+    """Columns of a data file: `joints`, and the points that the arm in `robot` reaches there, with noise."""
     columns = {f"q{k}": np.ascontiguousarray(values) for k, values in enumerate(joints.T, start=1)}
     spec = load_robot(robot).spec
     fit = {"robot": spec, "model": {"effects": []}, "parameters": [], "measuring_from_base": BASE}
@@ -67,7 +67,7 @@ def errors(data: Path, robot: Path, cwd: Path) -> list[dict[str, Any]]:
 
 
 WIDE = [1.5, 0.7, 0.7, 2.0, 1.5, 3.0]
-# Campaigns in which link 2 moves little and against link 3: a scale then explains what a coupling does, half as well.
+# Campaigns in which link 2 moves little and against link 3: a scale then fits half as well as a coupling.
 NARROW = [1.5, 0.14, 0.14, 2.0, 1.5, 3.0]
 
 
@@ -81,7 +81,7 @@ NARROW = [1.5, 0.14, 0.14, 2.0, 1.5, 3.0]
           for rest in [(WIDE, 0.0, -1.0), (NARROW, 1.0, 1.0), (NARROW, 0.5, 1.0), (NARROW, 0.5, -1.0)]),
     ],
 )  # fmt: skip
-def test_check_coupled_neighbour_is_named_as_coupling_and_not_as_scale(tmp_path, ratio, spans, against):
+def test_check_names_coupled_joints_as_coupling_not_as_scale(tmp_path, ratio, spans, against):
     truth = robot_file(tmp_path / "truth.yaml", coupling=[{"joint": 3, "driving": 2, "ratio": ratio}])
     joints = poses(7, spans)
     joints[:, 2] = (joints[:, 2] - against * ratio * joints[:, 1]) if against else joints[:, 2]
@@ -97,8 +97,8 @@ def test_check_coupled_neighbour_is_named_as_coupling_and_not_as_scale(tmp_path,
 
 
 @pytest.mark.full
-def test_check_main_fault_of_issue_13_scale_does_not_win_over_coupling(tmp_path):
-    """The arm on which 2.2 times the size was reported: joints 2 and 3 move against each other, 20 poses."""
+def test_check_issue_13_coupling_is_not_reported_as_scale(tmp_path):
+    """On this arm check reported 2.2 times the size: joints 2 and 3 move against each other, 20 poses."""
     truth = robot_file(tmp_path / "truth.yaml", coupling=[{"joint": 3, "driving": 2, "ratio": 1.0}])
     for seed in range(6):
         joints = poses(seed, [0.2, 0.7, 0.14, 0.2, 1.5, 0.2], count=20)
@@ -108,7 +108,7 @@ def test_check_main_fault_of_issue_13_scale_does_not_win_over_coupling(tmp_path)
         assert [one["code"] for one in found] == ["coupling"], (seed, found)
 
 
-def test_check_standard_table_read_as_modified_names_the_convention(tmp_path):
+def test_check_names_the_convention_of_mdh_table_stated_as_dh(tmp_path):
     truth = robot_file(tmp_path / "truth.yaml")
     data = write_csv(tmp_path / "data.csv", measured(truth, poses(1, WIDE)))
     text = truth.read_text().replace("convention: mdh", "convention: dh")
@@ -118,7 +118,7 @@ def test_check_standard_table_read_as_modified_names_the_convention(tmp_path):
     assert "'convention: mdh'" in found["remedy"]
 
 
-def test_check_joints_of_few_degrees_read_as_radians_are_named(tmp_path):
+def test_check_names_small_joint_angles_that_are_in_degrees(tmp_path):
     truth = robot_file(tmp_path / "truth.yaml")
     columns = measured(truth, poses(2, [0.08, 0.05, 0.05, 0.08, 0.07, 0.08]), noise_m=1e-4)
     columns |= {f"q{k}": np.degrees(columns[f"q{k}"]) for k in range(1, 7)}
@@ -155,8 +155,8 @@ def test_check_two_mistakes_at_once_are_both_named(tmp_path, change, codes):
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.full) for seed in (1, 2))])
-def test_check_an_arm_with_errors_of_calibration_only_is_not_accused(tmp_path, seed):
-    """A degree at each joint and millimetres at each link are for a fit to find."""
+def test_check_finds_no_error_in_an_uncalibrated_arm(tmp_path, seed):
+    """Errors of 0.004 rad at each joint and 1 mm at each link (1 sigma) are found by a fit, not by check."""
     rng = np.random.default_rng(seed)
     truth = robot_file(tmp_path / "truth.yaml")
     spec = yaml.safe_load(truth.read_text())
@@ -178,7 +178,7 @@ def test_check_an_arm_with_errors_of_calibration_only_is_not_accused(tmp_path, s
           for order in ("XYZ", "ZYZ")),
     ],
 )  # fmt: skip
-def test_check_euler_angles_read_in_another_convention_are_named(tmp_path, written, read):
+def test_check_names_the_true_convention_of_euler_angles(tmp_path, written, read):
     robot = robot_file(tmp_path / "robot.yaml")
     joints = poses(5, WIDE)
     columns = measured(robot, joints)
@@ -217,12 +217,12 @@ def angles_of(matrix: np.ndarray, sequence: str, intrinsic: bool) -> np.ndarray:
     raise AssertionError("no angles found")
 
 
-def test_the_fixture_turns_as_robot_yaml_says():
+def test_pose_of_the_tool_uses_the_rpy_convention_of_robot_yaml():
     assert np.allclose(pose(TOOL)[:3, :3], matrix_from_rpy(TOOL["rpy"]))
 
 
 @pytest.mark.full
-def test_the_offset_that_check_asks_for_beside_a_urdf_can_be_pasted(folder, tmp_path):
+def test_check_remedy_of_a_joint_zero_can_be_pasted_with_a_urdf(folder, tmp_path):
     (tmp_path / "arm.urdf").write_text(urdf_of(folder / "robot.yaml"))
     (tmp_path / "robot.yaml").write_text("kinematics: {urdf: arm.urdf, base: base, tip: tool0}\n")
     names, *rows = [line.split(",") for line in (folder / "data.csv").read_text().splitlines()]
@@ -244,7 +244,7 @@ def test_the_offset_that_check_asks_for_beside_a_urdf_can_be_pasted(folder, tmp_
     assert mended.returncode == 0, mended.stdout
 
 
-def test_check_names_a_thermometer_that_stood_still_and_a_direction_that_never_changes(tmp_path):
+def test_check_names_stuck_thermometer_and_constant_direction(tmp_path):
     robot = robot_file(tmp_path / "robot.yaml", temperature={"reference": 20.0, "sensors": ["arm", "hall"]})
     columns = measured(robot, poses(2, WIDE, count=90), noise_m=2e-5)
     rng = np.random.default_rng(5)

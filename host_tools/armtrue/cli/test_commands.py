@@ -1,4 +1,4 @@
-"""The commands end to end on a simulated arm: what they print, what they write, how they end."""
+"""The commands end to end on a simulated arm: their text, their files and their exit status."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_fit_prints_errors_before_and_after_beside_the_noise_floor(folder):
     assert (folder / "again.json").read_text() == (folder / "fit.json").read_text()
 
 
-def test_predict_writes_one_row_a_pose(folder):
+def test_predict_writes_one_row_per_pose(folder):
     run = armtrue("predict", "fit.json", "test.csv", "--out", "predicted.csv", cwd=folder)
     assert run.returncode == 0, run.stderr
     predicted = np.genfromtxt(folder / "predicted.csv", delimiter=",", names=True)
@@ -63,7 +63,7 @@ def test_predict_reads_poses_without_positions(folder):
     assert (folder / "with.csv").read_text() == (folder / "without.csv").read_text()
 
 
-def test_diagnose_names_the_hidden_effect_and_add_lets_the_error_fall(folder):
+def test_diagnose_names_hidden_effect_and_add_lowers_the_error(folder):
     run = armtrue("diagnose", "fit.json", "--json", "-", cwd=folder)
     best = json.loads(run.stdout)["candidates"][0]
     assert (best["effect"], best["joints"]) == ("gear_harmonics", [3])
@@ -93,7 +93,7 @@ def test_diagnose_prints_the_coefficients_it_recommends(folder):
     assert "another candidate explains the residual better" in run.stdout
 
 
-def test_next_step_of_a_diagnosis_can_be_pasted(folder, tmp_path):
+def test_commands_printed_by_diagnose_can_be_pasted(folder, tmp_path):
     shutil.copytree(folder, tmp_path / "my arm")
     (tmp_path / "my arm" / "fit.json").rename(tmp_path / "my arm" / "first try.json")
     run = armtrue("diagnose", "my arm/first try.json", "--data", "my arm/data.csv", cwd=tmp_path)
@@ -137,14 +137,14 @@ REFUSED_EFFECTS = {
 
 
 @pytest.mark.parametrize("case", REFUSED_EFFECTS)
-def test_an_effect_that_cannot_be_added_is_refused_by_what_it_lacks(folder, case):
+def test_add_refuses_an_impossible_effect_with_the_reason(folder, case):
     arguments, named = REFUSED_EFFECTS[case]
     run = armtrue("add", "fit.json", *arguments.split(), "--out", "refused.json", cwd=folder)
     refused(run, named)
     assert not (folder / "refused.json").exists()
 
 
-def test_an_effect_partly_held_blames_the_model(folder):
+def test_add_refuses_an_effect_that_is_partly_in_the_model(folder):
     held = armtrue("add", "fit.json", "joint_scale", "--joints", "3", "--out", "scale.json", cwd=folder)
     assert held.returncode == 0, held.stderr
     run = armtrue("add", "scale.json", "joint_scale", "--out", "refused.json", cwd=folder)
@@ -152,7 +152,7 @@ def test_an_effect_partly_held_blames_the_model(folder):
 
 
 def refused(run: subprocess.CompletedProcess[str], named: list[str]) -> None:
-    """One sentence with these words, and status 2."""
+    """Check for status 2 and a one-line message that contains each text in `named`."""
     assert run.returncode == 2, run.stdout + run.stderr
     assert len(run.stderr.strip().splitlines()) == 1
     for words in named:
@@ -175,7 +175,7 @@ def test_predict_names_the_column_to_record(folder):
 
 
 @pytest.mark.full
-def test_data_that_moved_is_said_with_each_place_once_and_read_from_where_data_says(folder):
+def test_moved_data_lists_searched_paths_and_is_read_with_data(folder):
     away = folder / "away"
     away.mkdir()
     shutil.copy(folder / "fit.json", away / "fit.json")
@@ -197,7 +197,7 @@ def test_data_that_moved_is_said_with_each_place_once_and_read_from_where_data_s
     assert armtrue("diagnose", "away/next.json", cwd=folder).returncode == 0
 
 
-def test_check_ends_with_1_where_an_error_was_found(folder):
+def test_check_exits_with_status_1_if_it_finds_an_error(folder):
     assert armtrue("check", "data.csv", "--robot", "robot.yaml", cwd=folder).returncode == 0
     text = (folder / "robot.yaml").read_text()
     (folder / "turned.yaml").write_text(re.sub(r"offset: -1\.57\d+", "offset: 0.0", text, count=1))
@@ -226,7 +226,7 @@ def test_json_to_standard_output_is_json_and_nothing_else(folder, arguments):
 
 
 def test_an_interrupt_keeps_the_last_finished_step(folder):
-    """Interrupted as soon as the first step is out; what is there is a whole fit."""
+    """Interrupted as soon as the file of the first step exists: it must be a complete fit."""
     process = subprocess.Popen(
         [sys.executable, "-m", "armtrue", "refine", "fit.json", "--out", "stopped.json"],
         cwd=folder,
@@ -239,7 +239,7 @@ def test_an_interrupt_keeps_the_last_finished_step(folder):
         time.sleep(0.002)
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=60)
-    # A machine quick enough to finish before the signal is right as well.
+    # Status 0: a fast machine may finish before the signal.
     assert process.returncode in (130, 0)
     assert json.loads((folder / "stopped.json").read_text())["format"] == "armtrue-fit"
 
@@ -325,9 +325,9 @@ main()
     [(INTERRUPTED_WHILE_READ_IN, 130), (INTERRUPTED_ON_THE_WAY_OUT, 130), (INTERRUPTED_WHEN_DONE, 0)],
     ids=["while read in", "on the way out", "when done"],
 )
-def test_an_interrupt_outside_a_command_ends_it_quietly(folder, script, status):
+def test_an_interrupt_during_start_or_exit_ends_quietly(folder, script, status):
     command = [sys.executable, "-c", script, "diagnose", "fit.json"]
-    # Who starts tests in the background may have had the signal ignored.
+    # Processes started in the background may inherit an ignored SIGINT.
     run = subprocess.run(
         command,
         cwd=folder,
@@ -340,7 +340,7 @@ def test_an_interrupt_outside_a_command_ends_it_quietly(folder, script, status):
     assert (run.returncode, run.stdout, run.stderr) == (status, "", "")
 
 
-def test_output_cut_short_by_its_reader_is_no_error(folder):
+def test_output_closed_early_by_head_prints_no_error(folder):
     command = f"{sys.executable} -m armtrue effects | head -1"
     run = subprocess.run(
         ["bash", "-o", "pipefail", "-c", command], capture_output=True, text=True, check=False
@@ -358,7 +358,7 @@ def commands(group: Group, path: tuple[str, ...] = ()) -> list[tuple[tuple[str, 
     return found
 
 
-def test_the_help_of_every_command_shows_an_example_of_it():
+def test_help_of_every_command_shows_an_example():
     root = typer.main.get_command(app).whole()
     assert isinstance(root, Group)
     known = commands(root)

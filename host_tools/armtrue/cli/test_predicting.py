@@ -1,4 +1,4 @@
-"""remove, compare, and what predict says of error and uncertainty, on a simulated arm."""
+"""`armtrue remove`, `compare`, and error and uncertainty of `predict`, on a simulated arm."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def shifted(folder, name, **shifts_m):
     return name
 
 
-def test_remove_takes_back_what_add_added(folder):
+def test_remove_reverses_add(folder):
     added = armtrue("add", "fit.json", "gear_harmonics", "--joints", "3,4", "--out", "two.json", cwd=folder)
     assert added.returncode == 0, added.stderr
     run = armtrue("remove", "two.json", "gear_harmonics", "--joints", "4", "--out", "one.json", cwd=folder)
@@ -42,7 +42,7 @@ def test_remove_takes_back_what_add_added(folder):
     assert figures["before"]["held_out"]["mean_um"] < figures["error"]["held_out"]["mean_um"]
 
 
-def test_remove_takes_the_entry_with_the_options_named(folder):
+def test_remove_with_options_removes_only_the_matching_entry(folder):
     source = "fit.json"
     for order in (1, 2):
         words = ["gear_mesh", "--joints", "4", "--option", f"orders=[{order}]", "--out", "waves.json"]
@@ -70,14 +70,14 @@ def test_remove_takes_the_entry_with_the_options_named(folder):
         (["joint_compliance", "--joints", "5"], "expected joints of joint_compliance in the model: 2, 3"),
     ],
 )
-def test_remove_what_is_not_in_the_model_is_refused(folder, arguments, words):
+def test_remove_refuses_an_effect_that_the_model_lacks(folder, arguments, words):
     run = armtrue("remove", "fit.json", *arguments, "--out", "refused.json", cwd=folder)
     assert run.returncode == 2
     assert words in run.stderr
     assert not (folder / "refused.json").exists()
 
 
-def test_compare_new_measurements_of_the_same_arm_are_as_expected(folder):
+def test_compare_verdict_for_the_unchanged_arm_is_as_expected(folder):
     run = armtrue("compare", "fit.json", "test.csv", "--json", "c.json", cwd=folder)
     assert run.returncode == 0, run.stdout + run.stderr
     found = json.loads((folder / "c.json").read_text())
@@ -89,7 +89,7 @@ def test_compare_new_measurements_of_the_same_arm_are_as_expected(folder):
     assert errors[0] == pytest.approx(found["error"]["max_um"])
 
 
-def test_compare_an_arm_that_changed_is_worse_and_names_the_rows(folder):
+def test_compare_verdict_for_a_changed_arm_is_worse(folder):
     shifted(folder, "crashed.csv", q3=2e-3)
     run = armtrue("compare", "fit.json", "crashed.csv", "--json", "-", cwd=folder)
     assert run.returncode == 1
@@ -101,7 +101,7 @@ def test_compare_an_arm_that_changed_is_worse_and_names_the_rows(folder):
     assert "stand elsewhere" not in words
 
 
-def test_compare_a_tracker_that_stands_elsewhere_is_told_from_an_arm_that_changed(folder):
+def test_compare_tells_a_moved_tracker_from_a_changed_arm(folder):
     shifted(folder, "elsewhere.csv", x=0.003, z=-0.002)
     run = armtrue("compare", "fit.json", "elsewhere.csv", cwd=folder)
     assert run.returncode == 1
@@ -109,7 +109,7 @@ def test_compare_a_tracker_that_stands_elsewhere_is_told_from_an_arm_that_change
 
 
 def drifting(folder, name, rate_m_per_h, seconds):
-    """test.csv `seconds` later, and a fit.json whose base was believed to drift by `rate_m_per_h` along x."""
+    """Write test.csv `seconds` later as `name`, and drifts.json: a fit whose base drifts by `rate_m_per_h` along x."""
     fit = json.loads((folder / "fit.json").read_text())
     term = {"coordinate": "base.tx", "expression": "time/3600", "weight": 1.0, "table": None}
     parameter = {**fit["parameters"][0], "effect": "time_drift", "name": "time_drift.tx", "terms": [term]}
@@ -120,7 +120,7 @@ def drifting(folder, name, rate_m_per_h, seconds):
     return shifted(folder, name, time=seconds)
 
 
-def test_compare_does_not_blame_the_instrument_for_a_drift_that_the_fit_extrapolates(folder):
+def test_compare_tells_extrapolated_drift_from_a_moved_tracker(folder):
     hours = 500
     later = drifting(folder, "later.csv", 2e-6, 3600.0 * hours)
     run = armtrue("compare", "drifts.json", later, "--json", "c.json", cwd=folder)
@@ -133,7 +133,7 @@ def test_compare_does_not_blame_the_instrument_for_a_drift_that_the_fit_extrapol
     )
     assert "may be the fit's own extrapolation" in words
     assert "stand elsewhere" not in words
-    # A tracker that was moved by far more than any drift is told all the same.
+    # A tracker moved by far more than any drift is still reported.
     moved = shifted(folder, "moved.csv", time=3600.0 * hours, x=1.5, y=-0.3)
     words = " ".join(armtrue("compare", "drifts.json", moved, cwd=folder).stdout.split())
     assert "base or instrument stand elsewhere" in words
@@ -149,7 +149,7 @@ def test_compare_does_not_blame_the_instrument_for_a_drift_that_the_fit_extrapol
         ({}, "random", "held out of the fit:"),
     ],
 )
-def test_compare_expects_the_figure_of_poses_held_out_the_same_way(folder, shifts, way, words):
+def test_compare_expects_the_held_out_error_of_the_matching_split(folder, shifts, way, words):
     fit = json.loads((folder / "fit.json").read_text())
     for factor, name in enumerate(("region", "time"), start=2):
         fit["error"]["held_out_by"][name] = {
@@ -165,7 +165,7 @@ def test_compare_expects_the_figure_of_poses_held_out_the_same_way(folder, shift
     assert words in " ".join(run.stdout.split())
 
 
-def test_compensate_warns_of_poses_outside_what_was_fitted_as_predict_does(folder):
+def test_compensate_warns_of_extrapolation_like_predict(folder):
     armtrue("export", "fit.json", "--out", "t.bin", cwd=folder)
     far = shifted(folder, "far.csv", q5=1.5)
     words = ("compensate", "t.bin", "--out", "corrected.csv")
@@ -175,20 +175,20 @@ def test_compensate_warns_of_poses_outside_what_was_fitted_as_predict_does(folde
     assert warning.startswith("armtrue: warning: ")
     said = armtrue("predict", "fit.json", far, "--out", "p.csv", cwd=folder).stdout
     assert warning.removeprefix("armtrue: warning: ") in " ".join(said.split())
-    # The session's own drift is not in a table.
+    # Tables do not contain the drift of the session, so compensate does not extrapolate time.
     later = shifted(folder, "much-later.csv", time=1e7)
     assert "outside" not in armtrue(*words[:2], later, *words[2:], cwd=folder).stderr
 
 
-def test_predict_says_the_error_where_the_poses_were_measured(folder):
+def test_predict_prints_the_error_at_measured_poses(folder):
     run = armtrue("predict", "fit.json", "test.csv", "--out", "p.csv", cwd=folder)
     predicted, exact = table(folder / "p.csv"), table(folder / "test.csv")
     apart = np.sqrt(sum((predicted[name] - exact[name]) ** 2 for name in "xyz"))
     assert f"error against the x, y, z of test.csv: mean {1e6 * apart.mean():.1f} µm" in run.stdout
 
 
-def test_predict_uncertainty_covers_what_the_model_gets_wrong(folder):
-    """With the hidden effect added the model is right: errors at fresh poses are of the size it states."""
+def test_predict_uncertainty_agrees_with_the_actual_errors(folder):
+    """With the hidden effect added the model is correct: errors at new poses have the stated covariance."""
     armtrue("add", "fit.json", "gear_harmonics", "--joints", "3", "--out", "right.json", cwd=folder)
     run = armtrue("predict", "right.json", "test.csv", "--out", "p.csv", "--uncertainty", cwd=folder)
     assert run.returncode == 0, run.stderr
@@ -199,7 +199,7 @@ def test_predict_uncertainty_covers_what_the_model_gets_wrong(folder):
         2, 0, 1
     )
     distance = np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error)
-    # One campaign's errors move together, so that its share within 95 % is far from exact; its scale is not.
+    # Errors of one campaign are correlated: the share within 95 % is far from exact, but the scale is not.
     assert 0.5 < np.median(distance) < 8.0
     assert np.all(np.linalg.eigvalsh(covariance) > 0.0)
 
@@ -213,7 +213,7 @@ def test_predict_uncertainty_covers_what_the_model_gets_wrong(folder):
         ("all_is_well", 2, "verdict: found 'all_is_well'"),
     ],
 )
-def test_predict_uncertainty_says_where_more_than_noise_is_left(folder, tmp_path, verdict, status, said):
+def test_predict_uncertainty_warns_if_more_than_noise_is_left(folder, tmp_path, verdict, status, said):
     document = json.loads((folder / "fit.json").read_text())
     document["verdict"] = verdict
     (tmp_path / "fit.json").write_text(json.dumps(document))
@@ -232,7 +232,7 @@ def test_predict_uncertainty_says_where_more_than_noise_is_left(folder, tmp_path
     assert ("predictions err by more" in text) == bool(said and not status)
 
 
-def test_predict_uncertainty_takes_measurements_that_were_moved(folder, tmp_path):
+def test_predict_uncertainty_reads_moved_measurements_with_data(folder, tmp_path):
     for name in ("fit.json", "test.csv"):
         shutil.copy(folder / name, tmp_path / name)
     shutil.copy(folder / "data.csv", tmp_path / "moved.csv")
@@ -250,7 +250,7 @@ def test_predict_uncertainty_takes_measurements_that_were_moved(folder, tmp_path
     assert "--data: found it without --uncertainty" in alone.stderr
 
 
-def test_which_reflector_is_taken_for_poses_that_name_none_is_said(folder, tmp_path):
+def test_predict_and_compare_name_the_reflector_they_assume(folder, tmp_path):
     lines = (folder / "data.csv").read_text().splitlines()
     named = [f"{line},{'BA'[at % 2]}" for at, line in enumerate(lines[1:], start=1)]
     (tmp_path / "data.csv").write_text("\n".join([f"{lines[0]},target", *named]))
@@ -269,7 +269,7 @@ def test_which_reflector_is_taken_for_poses_that_name_none_is_said(folder, tmp_p
         assert expected in " ".join(run.stdout.split()), run.stdout + run.stderr
 
 
-def test_compare_says_that_rows_were_fitted_and_tell_nothing(folder):
+def test_compare_reports_that_all_rows_were_fitted(folder):
     run = armtrue("compare", "fit.json", "data.csv", "--json", "c.json", cwd=folder)
     assert run.returncode == 0, run.stdout + run.stderr
     found = json.loads((folder / "c.json").read_text())
@@ -300,7 +300,7 @@ def test_compare_judges_by_rows_that_were_not_fitted(folder):
     )
 
 
-def test_compare_knows_the_fits_rows_where_its_measurements_are_gone(folder, tmp_path):
+def test_compare_recognises_fitted_rows_without_the_data_file(folder, tmp_path):
     document = json.loads((folder / "fit.json").read_text())
     document["data"] |= {"path": "/nowhere/data.csv", "relative": "gone.csv"}
     (tmp_path / "fit.json").write_text(json.dumps(document))

@@ -1,4 +1,4 @@
-"""`armtrue fit` on what cannot be an arm: one sentence and nothing written; what it fits all the same is marked."""
+"""`armtrue fit` refuses an impossible arm in one sentence and writes nothing; it marks doubtful results."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def changed(folder, tmp_path):
     return write
 
 
-def test_fit_flipped_joint_is_refused_with_the_joint_and_forced_on_request(changed):
+def test_fit_refuses_a_reversed_joint_unless_forced(changed):
     where = changed(q2=-1.0)
     run = armtrue(*FIT, "--out", "fit.json", cwd=where)
     assert run.returncode == 2
@@ -42,7 +42,7 @@ def test_fit_flipped_joint_is_refused_with_the_joint_and_forced_on_request(chang
     assert armtrue(*FIT, "--out", "fit.json", "--force", cwd=where).returncode == 0
 
 
-def test_fit_centre_of_mass_far_from_the_arm_is_refused_by_its_link(changed):
+def test_fit_refuses_a_distant_centre_of_mass_and_names_the_link(changed):
     where = changed()
     robot = yaml.safe_load((where / "robot.yaml").read_text())
     robot["links"][2]["com"] = [500.0, 0.0, 0.0]
@@ -73,7 +73,7 @@ def test_fit_centre_of_mass_far_from_the_arm_is_refused_by_its_link(changed):
         ),
     ],
 )
-def test_fit_of_a_model_that_cannot_be_names_model_yaml_and_the_key(changed, extra, words):
+def test_fit_of_an_invalid_model_names_model_yaml_and_the_key(changed, extra, words):
     where = changed()
     model = yaml.safe_load((where / "model.yaml").read_text())
     model["effects"] += extra.pop("effects", [])
@@ -85,7 +85,7 @@ def test_fit_of_a_model_that_cannot_be_names_model_yaml_and_the_key(changed, ext
     assert not (where / "fit.json").exists()
 
 
-def test_fit_of_an_arm_that_hangs_asks_for_gravity(changed):
+def test_fit_of_a_hanging_arm_warns_if_gravity_is_not_given(changed):
     # Turned about x by 180° in the measuring frame.
     where = changed(y=-1.0, z=-1.0)
     arm = yaml.safe_load((where / "robot.yaml").read_text())
@@ -99,7 +99,7 @@ def test_fit_of_an_arm_that_hangs_asks_for_gravity(changed):
     assert "robot.yaml has no 'gravity'" in " ".join(run.stdout.split())
 
 
-def test_fit_says_what_a_check_warns_of(changed):
+def test_fit_reports_the_warnings_of_check(changed):
     where = changed(temp_arm=3.0)
     run = armtrue(*FIT, "--out", "fit.json", cwd=where)
     (warning,) = json.loads((where / "fit.json").read_text())["warnings"]
@@ -107,8 +107,8 @@ def test_fit_says_what_a_check_warns_of(changed):
     assert "this looks like Fahrenheit" in " ".join(run.stdout.split())
 
 
-def test_fit_negative_spring_is_marked_beside_its_value(changed):
-    """Positions mirrored upside down about the arm let springs come out negative; the fit must say so."""
+def test_fit_marks_a_negative_compliance_beside_its_value(changed):
+    """With gravity stated upside down, compliances come out negative; the fit must say so."""
     where = changed()
     robot = yaml.safe_load((where / "robot.yaml").read_text())
     robot["gravity"] = [0.0, 0.0, 9.81]

@@ -18,7 +18,7 @@ _PRODUCT = b"\x18\x10\x02"
 
 
 class FakeDevice:
-    """A compensator on a bus whose tests with the bits of `failed` fail; `refusal`: the abort code of a run."""
+    """A compensator on a bus. `failed`: bits of the tests that fail; `refusal`: SDO abort code that refuses a run."""
 
     def __init__(self, failed: int, refusal: int = 0) -> None:
         self._values = {_PRODUCT: int.from_bytes(b"ARMT", "big"), _FAILED: 0}
@@ -52,7 +52,7 @@ def selftest(monkeypatch: pytest.MonkeyPatch, device: FakeDevice, *more: str) ->
     return run.exit_code, run.stdout
 
 
-def test_all_passed_is_status_0(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_selftest_exits_with_status_0_if_all_tests_pass(monkeypatch: pytest.MonkeyPatch) -> None:
     status, printed = selftest(monkeypatch, FakeDevice(0))
     assert status == 0
     assert printed.count("passed") == len(SELF_TESTS)
@@ -60,7 +60,7 @@ def test_all_passed_is_status_0(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("bit", range(len(SELF_TESTS)), ids=SELF_TESTS)
-def test_one_that_failed_is_named_and_status_1(monkeypatch: pytest.MonkeyPatch, bit: int) -> None:
+def test_selftest_names_the_failed_test_with_status_1(monkeypatch: pytest.MonkeyPatch, bit: int) -> None:
     status, printed = selftest(monkeypatch, FakeDevice(1 << bit))
     assert status == 1
     line = next(line for line in printed.splitlines() if SELF_TESTS[bit] in line)
@@ -72,7 +72,7 @@ def test_one_that_failed_is_named_and_status_1(monkeypatch: pytest.MonkeyPatch, 
     assert [name for name, passed in json.loads(printed).items() if not passed] == [SELF_TESTS[bit]]
 
 
-def test_a_device_in_motion_refuses_with_status_1(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_selftest_refused_in_motion_exits_with_status_1(monkeypatch: pytest.MonkeyPatch) -> None:
     status, printed = selftest(monkeypatch, FakeDevice(0, refusal=0x08000022))
     assert status == 1
     assert "passed" not in printed

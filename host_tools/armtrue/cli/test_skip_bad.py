@@ -1,4 +1,4 @@
-"""`--skip-bad`: one row that cannot be read does not keep the others from being used, and is said everywhere."""
+"""`--skip-bad`: an unreadable row is left out and reported everywhere; the other rows are used."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from armtrue.report.page import page
 
 @pytest.fixture(scope="module")
 def spoilt(folder):
-    """The campaign with one cell of row 5 that is no number."""
+    """The campaign with one cell of row 5 that is not a number."""
     lines = (folder / "data.csv").read_text().splitlines()
     lines[4] = "oops," + lines[4].partition(",")[2]
     (folder / "data.csv").write_text("\n".join(lines) + "\n")
     return folder
 
 
-def test_refusal_of_a_row_says_how_to_read_the_others(spoilt):
+def test_refusal_of_an_unreadable_row_suggests_skip_bad(spoilt):
     run = armtrue(*FIT, "--out", "no.json", cwd=spoilt)
     assert run.returncode == 2
     assert "row 5 column q1: found 'oops'" in run.stderr
@@ -29,7 +29,7 @@ def test_refusal_of_a_row_says_how_to_read_the_others(spoilt):
 
 
 @pytest.mark.full
-def test_skipped_rows_are_printed_kept_in_the_fit_and_counted_in_the_report(spoilt):
+def test_skipped_rows_are_in_the_output_the_fit_and_the_report(spoilt):
     run = armtrue(*FIT, "--skip-bad", "--out", "rest.json", cwd=spoilt)
     assert run.returncode == 0, run.stderr
     assert "left out: data.csv row 5 column q1: found 'oops'" in " ".join(run.stdout.split())
@@ -43,6 +43,6 @@ def test_skipped_rows_are_printed_kept_in_the_fit_and_counted_in_the_report(spoi
     assert "armtrue explain" in text
 
 
-def test_check_finds_the_row_that_it_left_out(spoilt):
+def test_check_reports_the_row_that_skip_bad_left_out(spoilt):
     run = armtrue("check", "data.csv", "--robot", "robot.yaml", "--skip-bad", cwd=spoilt)
     assert "row 5 column q1" in " ".join(run.stdout.split())

@@ -1,4 +1,4 @@
-"""Buses from command-line words: everything goes through to python-can as it stands."""
+"""CAN buses opened from command-line options: valid ones reach python-can, bad ones are refused."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armtrue.device.sdo import CommunicationError
 from armtrue.errors import InputError
 
 
-def test_words_become_what_python_can_takes() -> None:
+def test_options_become_arguments_of_python_can() -> None:
     options = BusOptions(
         "slcan",
         "socket://host:3333",
@@ -42,14 +42,12 @@ def test_an_option_without_a_value_is_bad_input() -> None:
     ],
 )
 @pytest.mark.parametrize("interface", ["virtual", "socketcan", "slcan", "pcan"])
-def test_a_bit_rate_that_is_not_above_zero_is_bad_input(
-    interface: str, options: dict[str, Any], words: str
-) -> None:
+def test_bit_rate_of_zero_or_less_is_bad_input(interface: str, options: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         open_bus(BusOptions(interface, "here", **options))
 
 
-def test_a_bit_rate_among_the_extras_is_checked_too() -> None:
+def test_bit_rate_given_as_extra_option_is_checked() -> None:
     with pytest.raises(InputError, match=r"--bitrate: found 500k, expected a whole number"):
         open_bus(BusOptions("pcan", "here", extra=["bitrate=500k"]))
 
@@ -61,38 +59,36 @@ def test_a_bit_rate_among_the_extras_is_checked_too() -> None:
         ("socketcan", "local_lopback=true", "local_loopback"),
     ],
 )
-def test_an_option_that_the_interface_does_not_have_is_bad_input(
-    interface: str, typed: str, meant: str
-) -> None:
+def test_option_unknown_to_the_interface_is_bad_input(interface: str, typed: str, meant: str) -> None:
     with pytest.raises(
         InputError, match=f"--bus-option: found '{typed.split('=')[0]}'.*did you mean '{meant}'"
     ):
         open_bus(BusOptions(interface, "here", extra=[typed]))
 
 
-def test_options_that_an_interface_has_or_may_have_go_through() -> None:
+def test_options_that_the_interface_may_have_are_accepted() -> None:
     with open_bus(BusOptions("virtual", "here", 500_000, extra=["rx_queue_size=5"])):
         pass
     assert BusOptions("slcan", "x", extra=["btr=031C"]).arguments()["btr"] == "031C"
     assert BusOptions("pcan", "x", extra=["auto_reset=true"]).arguments()["auto_reset"] is True
 
 
-def test_an_unknown_interface_is_bad_input_with_the_nearest_name() -> None:
+def test_unknown_interface_is_bad_input_with_the_nearest_name() -> None:
     with pytest.raises(InputError, match="--interface: 'soketcan'.*socketcan"):
         open_bus(BusOptions("soketcan", "can0"))
 
 
-def test_a_bus_that_cannot_be_opened_is_no_communication() -> None:
+def test_bus_that_cannot_be_opened_is_a_communication_error() -> None:
     with pytest.raises(CommunicationError, match="slcan socket://127.0.0.1:1: cannot be opened"):
         open_bus(BusOptions("slcan", "socket://127.0.0.1:1"))
 
 
-def test_any_interface_opens() -> None:
+def test_virtual_interface_opens() -> None:
     with open_bus(BusOptions("virtual", "here")) as bus:
         assert bus.channel_info.endswith("here")
 
 
-def test_a_frame_that_python_can_cannot_read_is_an_error_of_the_bus(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frame_that_python_can_cannot_read_is_a_bus_error(monkeypatch: pytest.MonkeyPatch) -> None:
     class Damaged:
         def recv(self, timeout: float | None = None) -> can.Message | None:
             return int("t2z", 16) and None  # as python-can's slcan does with a damaged line

@@ -15,7 +15,7 @@ JOINTS, CYCLES = 6, 3000
 
 
 def one_after_the_other(amplitude: float = 50_000.0) -> Array:
-    """Each axis swings once while the others stand."""
+    """Each axis in turn swings once while the others are at rest."""
     targets = np.zeros((CYCLES, JOINTS))
     share = CYCLES // JOINTS
     for k in range(JOINTS):
@@ -24,13 +24,13 @@ def one_after_the_other(amplitude: float = 50_000.0) -> Array:
 
 
 def all_at_once() -> Array:
-    """Every axis at its own pace."""
+    """All axes swing at once, each at its own frequency."""
     time = np.linspace(0.0, 20.0, CYCLES)
     return np.stack([40_000.0 * np.sin((0.4 + 0.23 * k) * time + k) for k in range(JOINTS)], axis=1)
 
 
 def drives(targets: Array, lag: float = 0.12, noise: float = 2.0) -> Array:
-    """Position loops behind the targets, with the trembling of an encoder."""
+    """Actual positions of position loops that lag behind the targets, with encoder noise."""
     actual = np.empty_like(targets)
     position = targets[0].copy()
     for k, target in enumerate(targets):
@@ -40,7 +40,7 @@ def drives(targets: Array, lag: float = 0.12, noise: float = 2.0) -> Array:
 
 
 @pytest.mark.parametrize("motion", [one_after_the_other, all_at_once])
-def test_right_drives_are_right(motion: Callable[[], Array]) -> None:
+def test_correct_drives_give_no_finding(motion: Callable[[], Array]) -> None:
     targets = motion()
     report = examine(targets, drives(targets))
     assert report.is_right, (report.findings, report.unknown)
@@ -48,13 +48,13 @@ def test_right_drives_are_right(motion: Callable[[], Array]) -> None:
 
 
 @pytest.mark.parametrize("motion", [one_after_the_other, all_at_once])
-def test_exchanged_drives_are_one_sentence(motion: Callable[[], Array]) -> None:
+def test_two_exchanged_drives_are_reported_in_one_sentence(motion: Callable[[], Array]) -> None:
     targets = motion()
     actuals = drives(targets)[:, [0, 2, 1, 3, 4, 5]]
     assert examine(targets, actuals).findings == ["axes 2 and 3: their drives are exchanged"]
 
 
-def test_drives_in_a_circle_are_each_named() -> None:
+def test_three_cyclically_exchanged_drives_are_each_named() -> None:
     targets = one_after_the_other()
     actuals = drives(targets)[:, [1, 2, 0, 3, 4, 5]]
     assert examine(targets, actuals).findings == [
@@ -81,27 +81,27 @@ def test_wrong_scale_is_named_with_its_size(scale: float) -> None:
     assert float(found[1]) == pytest.approx(scale, rel=0.01)
 
 
-def test_correction_of_a_table_is_no_wrong_scale() -> None:
+def test_table_correction_is_not_reported_as_wrong_scale() -> None:
     targets = all_at_once()
     actuals = drives(targets + 300.0 * np.sin(targets / 9000.0))
     assert examine(targets, actuals).is_right
 
 
-def test_frames_that_come_cycles_early_and_late_hide_nothing() -> None:
+def test_exchange_is_found_with_frames_some_cycles_early_or_late() -> None:
     targets = one_after_the_other()
     moments = np.arange(CYCLES) + np.random.default_rng(2).integers(-6, 7, CYCLES)
     actuals = drives(targets)[np.clip(moments, 0, CYCLES - 1)][:, [0, 2, 1, 3, 4, 5]]
     assert examine(targets, actuals).findings == ["axes 2 and 3: their drives are exchanged"]
 
 
-def test_frames_that_come_in_bursts_are_no_wrong_scale() -> None:
+def test_frames_in_bursts_are_not_reported_as_wrong_scale() -> None:
     targets = all_at_once()
     moments = np.arange(CYCLES) - 3
-    moments -= moments % 100  # a busy machine reads its socket seldom
+    moments -= moments % 100  # a busy machine seldom reads its socket
     assert examine(targets, drives(targets)[np.clip(moments, 0, CYCLES - 1)]).findings == []
 
 
-def test_a_position_loop_that_lags_behind_fast_motion_is_no_wrong_scale() -> None:
+def test_lag_in_fast_motion_is_not_reported_as_wrong_scale() -> None:
     time = np.linspace(0.0, 20.0, CYCLES)
     fastest = 0.24 * CYCLES / 20.0 / 10.0  # a lag of ten cycles takes 3 % of it
     targets = np.stack(
@@ -118,7 +118,7 @@ def test_axis_that_was_not_moved_is_unknown() -> None:
     assert report.unknown == ["axis 6: was commanded to move 0 increments, at least 1000 are needed"]
 
 
-def test_axes_that_moved_alike_are_unknown() -> None:
+def test_axes_with_proportional_targets_are_unknown() -> None:
     targets = all_at_once()
     targets[:, 1] = 2.0 * targets[:, 0] + 5.0
     report = examine(targets, drives(targets))
@@ -128,7 +128,7 @@ def test_axes_that_moved_alike_are_unknown() -> None:
     ]
 
 
-def test_drive_that_stands_still_and_one_that_is_not_heard_are_named() -> None:
+def test_drive_at_rest_and_silent_drive_are_named() -> None:
     targets = one_after_the_other()
     actuals = drives(targets)
     actuals[:, 1] = 5.0
@@ -138,12 +138,12 @@ def test_drive_that_stands_still_and_one_that_is_not_heard_are_named() -> None:
     assert silent.startswith("axis 3: no actual position was heard: map 0x7064 in a valid RPDO")
 
 
-def test_nothing_heard_is_not_right() -> None:
+def test_empty_recording_is_not_right() -> None:
     nothing = np.zeros((0, JOINTS))
     assert not examine(nothing, nothing).is_right
 
 
-def test_of_an_axis_without_a_drive_nothing_is_expected() -> None:
+def test_axis_declared_without_a_drive_may_be_silent() -> None:
     targets = one_after_the_other()
     actuals = drives(targets)
     targets[:, 3], actuals[:, 3] = 0.0, np.nan

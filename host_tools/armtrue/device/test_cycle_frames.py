@@ -1,4 +1,4 @@
-"""Joint values of one cycle out of frames that come one by one, late, or not at all."""
+"""Joint values of one cycle assembled from frames that arrive one by one, late, or not at all."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ INVALID = 1 << 31
 
 
 class Device:
-    """Three target RPDOs of two axes each, the offsets of all six in one TPDO of 24 bytes; whatever else is invalid."""
+    """Three target RPDOs of two axes each, the offsets of all six in one TPDO of 24 bytes; other PDOs are invalid."""
 
     def __init__(self, window_us: int = 500) -> None:
         self.objects = {(0x2000, 4): window_us, (0x1005, 0): 0x80}
@@ -22,7 +22,7 @@ class Device:
             self.objects[0x1600 + pair, 0] = 2
             for sub in (1, 2):
                 self.objects[0x1600 + pair, sub] = 0x607A0020 + (2 * pair + sub - 1) * 0x08000000
-        # A controlword ahead of a target velocity: neither is a target position.
+        # An RPDO of controlword and target velocity: neither is a target position.
         self.objects |= {(0x1403, 1): 0x520, (0x1603, 0): 2, (0x1603, 1): 0x60400010, (0x1603, 2): 0x60FF0020}
         self.objects |= {(0x1800, 1): 0x1A0, (0x1A00, 0): 6}
         self.objects |= {(0x1A00, 1 + axis): 0x60B00020 + axis * 0x08000000 for axis in range(6)}
@@ -53,7 +53,7 @@ def wanted(cycle: int) -> list[int]:
     return [100 * cycle + axis for axis in range(6)]
 
 
-def test_a_cycle_is_paired_with_its_own_corrections() -> None:
+def test_targets_are_paired_with_corrections_of_their_own_cycle() -> None:
     seen = following(Device())
     for cycle in range(1, 7):
         for pair in (1, 0, 2):
@@ -81,7 +81,7 @@ def take_cycle(seen: CycleFrames, cycle: int, answers: tuple[int, ...]) -> None:
         {8: (), 9: (), 10: (8, 9), 11: (10,), 12: (11, 12)},
     ],
 )
-def test_a_device_that_answers_late_is_never_paired_with_another_cycle(
+def test_late_corrections_are_never_paired_with_another_cycle(
     late: dict[int, tuple[int, ...]],
 ) -> None:
     seen = following(Device())
@@ -96,14 +96,14 @@ def test_a_device_that_answers_late_is_never_paired_with_another_cycle(
     assert pairs[-1][0] == wanted(18), "the last cycle's offsets may still come"
 
 
-def test_offsets_that_go_on_without_targets_answer_none() -> None:
+def test_offsets_sent_twice_per_cycle_are_not_paired() -> None:
     seen = following(Device())
     for cycle in range(1, 9):
         take_cycle(seen, cycle, (cycle, cycle))
     assert seen.pair is None
 
 
-def test_who_listens_from_the_middle_of_a_set_sees_whole_ones() -> None:
+def test_listening_from_mid_set_yields_only_whole_sets() -> None:
     seen = following(Device())
     shown = []
     for cycle in range(1, 9):
@@ -118,7 +118,7 @@ def test_who_listens_from_the_middle_of_a_set_sees_whole_ones() -> None:
     )
 
 
-def test_corrections_that_follow_no_whole_set_are_not_paired() -> None:
+def test_corrections_after_an_incomplete_set_are_not_paired() -> None:
     seen = following(Device())
     seen.take(targets(1, 0, 0.1))
     seen.take(offsets(1, 0.1))
@@ -127,7 +127,7 @@ def test_corrections_that_follow_no_whole_set_are_not_paired() -> None:
 
 
 @pytest.mark.parametrize("divide", ["sync", "repeat", "time"])
-def test_a_lost_frame_is_not_made_up_from_the_next_cycle(divide: str) -> None:
+def test_lost_frame_is_not_replaced_by_one_of_the_next_cycle(divide: str) -> None:
     seen = following(Device())
     seen.take(targets(1, 1, 0.100))
     seen.take(targets(1, 2, 0.100))
@@ -140,21 +140,21 @@ def test_a_lost_frame_is_not_made_up_from_the_next_cycle(divide: str) -> None:
     assert seen.targets == (wanted(2) if divide == "repeat" else None)
 
 
-def test_two_cycles_that_lost_different_frames_are_not_put_together() -> None:
+def test_two_incomplete_cycles_are_not_merged_into_one_set() -> None:
     seen = following(Device())
     for cycle, pair in ((1, 0), (1, 1), (2, 0), (2, 2)):
         seen.take(targets(cycle, pair, 0.1))
     assert seen.targets is None
 
 
-def test_the_devices_own_window_holds_where_it_is_longer() -> None:
+def test_set_window_of_the_device_is_used_if_longer() -> None:
     seen = following(Device(window_us=20_000))
     for pair in range(3):
         seen.take(targets(1, pair, 0.1 + 0.009 * pair))
     assert seen.targets == wanted(1)
 
 
-def test_a_short_frame_is_no_target() -> None:
+def test_short_frame_is_not_taken_as_a_target() -> None:
     seen = following(Device())
     short = targets(1, 0, 0.1)
     short.data = short.data[:7]
@@ -166,7 +166,7 @@ def test_a_short_frame_is_no_target() -> None:
 @pytest.mark.parametrize(
     "change", [{"is_extended_id": True}, {"is_remote_frame": True}, {"is_error_frame": True}]
 )
-def test_frames_of_another_kind_are_not_taken(change: dict[str, bool]) -> None:
+def test_extended_remote_and_error_frames_are_ignored(change: dict[str, bool]) -> None:
     seen = following(Device())
     foreign = targets(2, 2, 0.1)
     for name, value in change.items():
@@ -176,7 +176,7 @@ def test_frames_of_another_kind_are_not_taken(change: dict[str, bool]) -> None:
     assert seen.targets is None
 
 
-def test_joints_that_are_not_all_mapped_are_not_followed() -> None:
+def test_no_targets_are_shown_if_a_joint_is_not_mapped() -> None:
     device = Device()
     device.objects[0x1402, 1] = INVALID | 0x420
     seen = following(device)
@@ -186,7 +186,7 @@ def test_joints_that_are_not_all_mapped_are_not_followed() -> None:
 
 
 @pytest.mark.parametrize("has_all", [0, 1], ids=["not said", "said by the device"])
-def test_an_axis_without_a_drive_is_not_waited_for(has_all: int) -> None:
+def test_axis_without_a_drive_is_not_waited_for(has_all: int) -> None:
     device = Device()
     device.objects[0x1602, 0] = 1  # axis 6 has no target
     device.objects[0x2001, 2] = has_all

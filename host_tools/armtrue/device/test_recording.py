@@ -1,4 +1,4 @@
-"""A recording: in the order of time, with directions, and nothing lost or left where it fails."""
+"""Recordings: frames in order of time with directions; one that fails keeps the old file and leaves no other."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def frame(identifier: int, stamp: float = 0.0) -> can.Message:
 
 
 def record(file: Path) -> float:
-    """Ours at +1 s and +3 s; of the bus, taken after both were sent, +0.5 s, +2 s and +2.5 s. Returns the time zero."""
+    """Sends at +1 s and +3 s; afterwards receives frames of +0.5 s, +2 s, +2.5 s and +4 s. Returns the time zero."""
     zero = time.time() - 10.0
     with Recording(file, "can3") as log:
         log.sent(frame(0x620), zero + 1.0)
@@ -37,7 +37,7 @@ ORDER = [(0x100, True), (0x620, False), (0x5A0, True), (0x101, True), (0x621, Fa
 
 
 @pytest.mark.parametrize("suffix", [".asc", ".blf", ".log", ".trc", ".log.gz", ".ASC"])
-def test_frames_of_both_directions_are_in_the_order_of_time(tmp_path: Path, suffix: str) -> None:
+def test_sent_and_received_frames_are_in_order_of_time(tmp_path: Path, suffix: str) -> None:
     file = tmp_path / f"run{suffix}"
     zero = record(file)
     read = list(can.LogReader(str(file)))
@@ -52,7 +52,7 @@ def test_frames_of_both_directions_are_in_the_order_of_time(tmp_path: Path, suff
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_stamps_of_another_clock_become_those_of_arrival(tmp_path: Path) -> None:
+def test_timestamps_of_another_clock_become_times_of_arrival(tmp_path: Path) -> None:
     file = tmp_path / "run.log"
     before = time.time()
     with Recording(file, "can0") as log:
@@ -65,7 +65,7 @@ def test_stamps_of_another_clock_become_those_of_arrival(tmp_path: Path) -> None
     assert [message.arbitration_id for message in can.LogReader(str(file))] == [0x100, 0x620, 0x5A0]
 
 
-def test_what_is_not_kept_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+def test_recording_that_is_not_kept_leaves_only_the_old_file(tmp_path: Path) -> None:
     file = tmp_path / "run.log"
     file.write_text("an older recording")
     with Recording(file, "can0") as log:
@@ -74,7 +74,7 @@ def test_what_is_not_kept_leaves_the_old_file_and_nothing_else(tmp_path: Path) -
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_what_is_kept_replaces_the_old_file_only_at_the_end(tmp_path: Path) -> None:
+def test_kept_recording_replaces_the_old_file_only_at_the_end(tmp_path: Path) -> None:
     file = tmp_path / "run.log"
     file.write_text("an older recording")
     with contextlib.suppress(RuntimeError), Recording(file, "can0") as log:
@@ -95,13 +95,13 @@ def test_what_is_kept_replaces_the_old_file_only_at_the_end(tmp_path: Path) -> N
         ("absent/run.log", "found no folder"),
     ],
 )
-def test_a_name_that_cannot_be_recorded_to_is_bad_input(tmp_path: Path, name: str, words: str) -> None:
+def test_unusable_name_of_a_recording_is_bad_input(tmp_path: Path, name: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         Recording(tmp_path / name, "can0")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_disk_that_is_full_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_is_reported_in_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Full(can.Listener):
         def on_message_received(self, msg: can.Message) -> None:
             raise OSError(28, "No space left on device")
@@ -122,5 +122,5 @@ def test_a_disk_that_is_full_is_one_sentence(tmp_path: Path, monkeypatch: pytest
         ("slcan", "socket://127.0.0.1:40123", "slcan0"),
     ],
 )
-def test_a_channel_has_a_name_that_every_form_can_hold(interface: str, channel: str, label: str) -> None:
+def test_channel_label_fits_every_recording_format(interface: str, channel: str, label: str) -> None:
     assert channel_label(interface, channel) == label

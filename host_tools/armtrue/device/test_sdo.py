@@ -1,4 +1,4 @@
-"""The SDO client against a scripted server: whose answers it takes, and what it does about what was left over."""
+"""The SDO client with a scripted server: foreign answers, open transfers, sizes, and tables that do not fit."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ARMT = int.from_bytes(b"ARMT", "big")
 
 
 class Scripted:
-    """A bus whose other side answers each request as told."""
+    """A bus on which `answer` gives the answers to each request."""
 
     def __init__(self, answer: Callable[[bytes], list[bytes]]) -> None:
         self._answer = answer
@@ -42,7 +42,7 @@ def expedited(request: bytes, value: int) -> bytes:
     return b"\x43" + request[1:4] + value.to_bytes(4, "little")
 
 
-def test_answers_about_other_objects_are_passed_over() -> None:
+def test_answers_about_other_objects_are_ignored() -> None:
     def answer(request: bytes) -> list[bytes]:
         foreign = b"\x43\x41\x60\x00" + bytes(4)
         abort = b"\x80\x10\x20\x00" + (0x05040000).to_bytes(4, "little")
@@ -51,7 +51,7 @@ def test_answers_about_other_objects_are_passed_over() -> None:
     assert SdoClient(Scripted(answer), NODE).upload(0x2001, 1) == (77).to_bytes(4, "little")
 
 
-def test_an_abort_of_our_object_is_ours() -> None:
+def test_abort_of_the_requested_object_raises() -> None:
     def answer(request: bytes) -> list[bytes]:
         return [b"\x80" + request[1:4] + (0x06020000).to_bytes(4, "little")]
 
@@ -60,7 +60,7 @@ def test_an_abort_of_our_object_is_ours() -> None:
 
 
 @pytest.mark.parametrize("announced", [0, 10])
-def test_an_upload_without_end_is_given_up(announced: int) -> None:
+def test_endless_upload_is_aborted(announced: int) -> None:
     def answer(request: bytes) -> list[bytes]:
         if request[0] == 0x40:
             begin = bytes([0x41 if announced else 0x40]) + request[1:4]
@@ -74,8 +74,8 @@ def test_an_upload_without_end_is_given_up(announced: int) -> None:
 
 
 @pytest.mark.parametrize("announced", [64 * 1024 + 1, 2**32 - 1])
-def test_an_announcement_of_more_than_any_object_holds_is_refused_at_once(announced: int) -> None:
-    """A device of another kind that announced 4 GB was read until somebody stopped the command."""
+def test_upload_announced_above_65536_bytes_is_aborted_at_once(announced: int) -> None:
+    """A device of another kind announced 4 GB, and was read until the user stopped the command."""
 
     def answer(request: bytes) -> list[bytes]:
         if request[0] == 0x40:
@@ -92,7 +92,7 @@ def test_an_announcement_of_more_than_any_object_holds_is_refused_at_once(announ
     assert [request[0] for request in bus.requests] == [0x40, 0x80]
 
 
-def test_the_largest_upload_that_may_be_announced_is_taken() -> None:
+def test_upload_of_exactly_65536_bytes_is_accepted() -> None:
     whole = bytes(range(256)) * 256
     sent = 0
 
@@ -110,7 +110,7 @@ def test_the_largest_upload_that_may_be_announced_is_taken() -> None:
 
 @pytest.mark.parametrize("size", [0, 128, 255])
 @pytest.mark.parametrize("later", [False, True])
-def test_a_block_of_more_segments_than_can_be_numbered_is_refused(size: int, later: bool) -> None:
+def test_block_size_outside_1_to_127_is_refused(size: int, later: bool) -> None:
     def answer(request: bytes) -> list[bytes]:
         if request[0] == 0xC6:
             return [b"\xa4" + request[1:4] + bytes([2 if later else size, 0, 0, 0])]
@@ -122,7 +122,7 @@ def test_a_block_of_more_segments_than_can_be_numbered_is_refused(size: int, lat
     assert len(bus.requests) <= 4
 
 
-def test_a_bus_that_is_never_idle_does_not_keep_a_request_waiting() -> None:
+def test_request_is_sent_on_a_bus_that_is_never_idle() -> None:
     class Busy(Scripted):
         def recv(self, timeout: float | None = None) -> can.Message | None:
             return super().recv(timeout) or can.Message(
@@ -133,7 +133,7 @@ def test_a_bus_that_is_never_idle_does_not_keep_a_request_waiting() -> None:
     assert client.upload(0x2001, 1) == (5).to_bytes(4, "little")
 
 
-def test_a_transfer_that_somebody_left_open_is_ended_first() -> None:
+def test_transfer_left_open_by_another_client_is_aborted_first() -> None:
     open_block = True
 
     def answer(request: bytes) -> list[bytes]:
@@ -148,14 +148,14 @@ def test_a_transfer_that_somebody_left_open_is_ended_first() -> None:
     assert [request[0] for request in bus.requests] == [0x40, 0x80, 0x40]
 
 
-def test_nobody_there_is_said_after_the_third_try() -> None:
+def test_silent_node_is_reported_after_three_requests() -> None:
     bus = Scripted(lambda _: [])
     with pytest.raises(CommunicationError, match="node 32 did not answer within 0.05 s"):
         Compensator(SdoClient(bus, NODE, 0.05)).greet()
     assert [request[0] for request in bus.requests] == [0x40, 0x80, 0x40, 0x80, 0x40]
 
 
-def test_another_device_is_refused_by_name() -> None:
+def test_device_that_is_no_compensator_is_refused_by_name() -> None:
     def answer(request: bytes) -> list[bytes]:
         if request[1:3] == b"\x18\x10":
             return [expedited(request, 0x1234)]
@@ -200,19 +200,19 @@ def image(**changes: object) -> ImageInfo:
         ),
     ],
 )
-def test_a_table_that_is_not_for_the_device_is_refused(changes: dict[str, object], words: str) -> None:
+def test_table_that_does_not_fit_the_device_is_refused(changes: dict[str, object], words: str) -> None:
     with pytest.raises(InputError, match=words.replace("(", r"\(")):
         compare(image(**changes), Status(DEVICE))
 
 
-def test_a_table_for_the_device_and_the_one_in_force_are_let_through() -> None:
+def test_table_for_the_device_or_already_active_is_accepted() -> None:
     compare(image(), Status(DEVICE))
     compare(image(sequence=5, checksum=0xAA), Status(DEVICE))
     compare(image(sequence=1), Status(DEVICE | {"Table status.Active slot": 0xFF}))
     compare(image(robot_serial="other"), Status(DEVICE | {"Robot serial": ""}))
 
 
-def test_every_abort_code_of_the_firmware_has_words() -> None:
+def test_every_abort_code_of_the_firmware_has_a_message() -> None:
     (header,) = (Path(__file__).resolve().parents[3] / "firmware").rglob("sdo_abort.h")
     codes = {int(code, 16) for code in re.findall(r"= 0x([0-9A-F]{8}),", header.read_text(encoding="utf-8"))}
     assert len(codes) > 20

@@ -18,7 +18,7 @@ kinematics:
 temperature: {reference: 20.0, sensors: [arm]}
 """
 
-# Bars keep the flange level: its joint turns by minus the sum of the two before it.
+# A linkage keeps the flange level: its joint turns by minus the sum of the two joints before it.
 LEVEL = """\
 name: level
 kinematics:

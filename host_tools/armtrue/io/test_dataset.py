@@ -22,7 +22,7 @@ def written(tmp_path: Path, text: str | bytes, name: str = "data.csv") -> Path:
     return path
 
 
-def test_reads_the_contracts_form(tmp_path, two_joints):
+def test_plain_csv_file_is_read(tmp_path, two_joints):
     data = load_data(written(tmp_path, PLAIN), two_joints)
     assert data.count == 3
     np.testing.assert_array_equal(data.rows, [2, 3, 4])
@@ -54,7 +54,7 @@ def test_reads_the_contracts_form(tmp_path, two_joints):
         "no last newline",
     ],
 )
-def test_reads_what_spreadsheets_make_of_it(tmp_path, two_joints, text):
+def test_csv_variants_of_spreadsheets_read_alike(tmp_path, two_joints, text):
     plain = load_data(written(tmp_path, PLAIN), two_joints)
     data = load_data(written(tmp_path, text, "other.csv"), two_joints)
     assert data.columns.keys() == plain.columns.keys()
@@ -62,7 +62,7 @@ def test_reads_what_spreadsheets_make_of_it(tmp_path, two_joints, text):
         np.testing.assert_array_equal(data.columns[name], values)
 
 
-def test_rows_are_those_of_the_file(tmp_path, two_joints):
+def test_row_numbers_are_line_numbers_of_the_file(tmp_path, two_joints):
     data = load_data(written(tmp_path, PLAIN.replace("\n", "\n\n")), two_joints)
     np.testing.assert_array_equal(data.rows, [3, 5, 7])
 
@@ -74,13 +74,13 @@ def test_poses_to_predict_need_no_position(tmp_path, two_joints):
         load_data(path, two_joints)
 
 
-def test_what_was_measured_of_poses_to_predict_is_not_read(tmp_path, two_joints):
+def test_measured_columns_of_poses_to_predict_are_not_read(tmp_path, two_joints):
     text = PLAIN.replace("3.1,20.6", ",20.6").replace("x,y,z", "x,y,sigma")
     data = load_data(written(tmp_path, text), two_joints, need_position=False)
     assert sorted(data.columns) == ["q1", "q2", "target", "temp_arm", "time"]
 
 
-def test_numeric_column_that_is_not_the_contracts_is_a_variable_and_noted(tmp_path, two_joints):
+def test_unknown_numeric_column_is_kept_as_a_variable_with_note(tmp_path, two_joints):
     data = load_data(written(tmp_path, PLAIN.replace("temp_arm", "tmp_arm")), two_joints)
     assert data.columns["tmp_arm"].size == data.count
     assert data.notes == [
@@ -99,14 +99,14 @@ def test_numeric_column_that_is_not_the_contracts_is_a_variable_and_noted(tmp_pa
         ("pi", "'pi' is a word of expressions, expected a name of its own"),
     ],
 )
-def test_column_that_no_expression_can_name_is_not_used_and_it_is_said_why(name, why, tmp_path, two_joints):
+def test_column_unusable_in_expressions_is_dropped_with_reason(name, why, tmp_path, two_joints):
     data = load_data(written(tmp_path, PLAIN.replace("temp_arm", name)), two_joints)
     assert name not in data.columns
     assert data.notes == [f"data.csv: column '{name}' is not one of the contract's and is not used: {why}"]
 
 
 @pytest.mark.parametrize("name", ["weather", "travel1", "duty2", "station"])
-def test_column_with_an_empty_cell_is_not_used_and_its_row_is_named(name, tmp_path, two_joints):
+def test_column_with_an_empty_cell_is_dropped_and_row_named(name, tmp_path, two_joints):
     text = PLAIN.replace("20.6", "").replace("temp_arm", name)
     data = load_data(written(tmp_path, text), two_joints)
     assert name not in data.columns
@@ -116,12 +116,12 @@ def test_column_with_an_empty_cell_is_not_used_and_its_row_is_named(name, tmp_pa
 @pytest.mark.parametrize(
     ("name", "hint"), [("status", ""), ("dri1", " (did you mean 'dir1'?)"), ("fault", "")]
 )
-def test_only_names_that_are_near_are_guessed(name, hint, tmp_path, two_joints):
+def test_unknown_column_suggests_only_a_similar_name(name, hint, tmp_path, two_joints):
     data = load_data(written(tmp_path, PLAIN.replace("temp_arm", name)), two_joints)
     assert data.notes[0].endswith(f"the search{hint}")
 
 
-def test_column_of_words_is_not_used(tmp_path, two_joints):
+def test_column_with_text_is_not_used(tmp_path, two_joints):
     text = PLAIN.replace("20.6", "warm")
     data = load_data(written(tmp_path, text.replace("temp_arm", "weather")), two_joints)
     assert "weather" not in data.columns
@@ -131,7 +131,7 @@ def test_column_of_words_is_not_used(tmp_path, two_joints):
     ]
 
 
-def test_copies_of_rows_are_left_out_with_a_note(tmp_path, two_joints):
+def test_duplicate_rows_are_left_out_with_a_note(tmp_path, two_joints):
     again = PLAIN.splitlines()[2]
     path = written(tmp_path, PLAIN + again + "\n" + again.replace(",10", ",30") + "\n")
     data = load_data(path, two_joints)
@@ -175,7 +175,7 @@ def test_a_fixed_reflector_is_left_out_with_a_note(tmp_path, two_joints):
         ("0.5,-0.1", '0.5,"-0.1', "found 2 cells, expected 8"),
     ],
 )
-def test_names_row_and_column(tmp_path, two_joints, found, put, names):
+def test_bad_file_is_refused_with_row_and_column(tmp_path, two_joints, found, put, names):
     assert found in PLAIN
     path = written(tmp_path, PLAIN.replace(found, put, 1))
     with pytest.raises(InputError) as error:
@@ -195,7 +195,7 @@ def test_names_row_and_column(tmp_path, two_joints, found, put, names):
         ("qr1", "0 90 0", "degrees"),
     ],
 )
-def test_refuses_values_that_a_column_cannot_hold(tmp_path, two_joints, column, cells, names):
+def test_values_that_a_column_cannot_hold_are_refused(tmp_path, two_joints, column, cells, names):
     lines = PLAIN.splitlines()
     added = [f"{line},{cell}" for line, cell in zip(lines, [column, *cells.split()], strict=True)]
     with pytest.raises(InputError) as error:
@@ -203,7 +203,7 @@ def test_refuses_values_that_a_column_cannot_hold(tmp_path, two_joints, column, 
     assert names in str(error.value)
 
 
-def test_quaternions_come_to_unit_length_or_are_refused(tmp_path, two_joints):
+def test_quaternion_is_normalised_or_refused(tmp_path, two_joints):
     text = "q1,q2,x,y,z,qw,qx,qy,qz\n0,0,1,1,1,{},0,0,0\n1,1,2,1,1,1,0,0,0\n"
     data = load_data(written(tmp_path, text.format(0.9999)), two_joints)
     assert data.columns["qw"][0] == 1.0
@@ -211,7 +211,7 @@ def test_quaternions_come_to_unit_length_or_are_refused(tmp_path, two_joints):
         load_data(written(tmp_path, text.format(0.9)), two_joints)
 
 
-def test_millimetres_are_refused_but_a_gross_error_is_not(tmp_path, two_joints):
+def test_millimetres_are_refused_but_not_a_single_gross_error(tmp_path, two_joints):
     rows = [(0.1 * k, 0.0, 1000 + 40.0 * k, 20.0 * k * k, 30.0) for k in range(9)]
     text = "q1,q2,x,y,z\n" + "\n".join(",".join(map(str, row)) for row in rows)
     with pytest.raises(InputError, match="millimetres"):
@@ -228,7 +228,7 @@ def test_text_that_is_not_utf8_is_named(tmp_path, two_joints):
 
 
 @pytest.mark.parametrize(("place", "row"), [("header", 1), ("rows", 1 + len(PLAIN.splitlines()))])
-def test_latin_1_is_told_how_to_be_read(place, row, tmp_path, two_joints):
+def test_latin_1_file_is_refused_with_the_way_to_read_it(place, row, tmp_path, two_joints):
     text = (
         PLAIN.replace("temp_arm", "temp_arm (°C)") if place == "header" else PLAIN + "0.5,0.1,1,2,3,20°,A,7\n"
     )
@@ -252,7 +252,7 @@ def test_a_hundred_thousand_rows_are_read(tmp_path, two_joints):
     assert np.abs(data.joints - numbers[:, :2]).max() < 1e-9
 
 
-def test_poses_without_a_repeat_are_each_their_own(tmp_path, two_joints):
+def test_each_row_with_empty_repeat_is_a_pose_of_its_own(tmp_path, two_joints):
     rows = ["7", "7", "", ""]
     text = "q1,q2,x,y,z,repeat\n" + "".join(f"0.{k},0,1,2,3,{name}\n" for k, name in enumerate(rows))
     data = load_data(written(tmp_path, text), two_joints)
@@ -261,14 +261,14 @@ def test_poses_without_a_repeat_are_each_their_own(tmp_path, two_joints):
     assert "repeat" not in unnamed.columns
 
 
-def test_a_row_without_its_reflector_is_refused_and_a_column_without_any_is_none(tmp_path, two_joints):
+def test_empty_target_is_refused_unless_the_column_is_empty(tmp_path, two_joints):
     with pytest.raises(InputError, match="row 3 column target: found nothing"):
         load_data(written(tmp_path, PLAIN.replace(",B,", ",,")), two_joints)
     unnamed = PLAIN.replace(",A,", ",,").replace(",B,", ",,")
     assert "target" not in load_data(written(tmp_path, unnamed, "other.csv"), two_joints).columns
 
 
-def test_bad_rows_are_left_out_on_request_and_named(tmp_path, two_joints):
+def test_skip_bad_leaves_out_bad_rows_and_names_them(tmp_path, two_joints):
     rows = [
         "0.0,0.1,1.0,2.0,3.0,20.5,A,0",
         "oops,0.1,1.0,2.0,3.0,20.5,A,1",
@@ -287,7 +287,7 @@ def test_bad_rows_are_left_out_on_request_and_named(tmp_path, two_joints):
     assert any("left out" in note and "'oops'" in note for note in data.notes)
 
 
-def test_a_column_without_any_number_is_not_to_be_had_by_leaving_out_rows(tmp_path, two_joints):
+def test_skip_bad_does_not_accept_a_column_without_numbers(tmp_path, two_joints):
     path = written(tmp_path, "q1,q2,x,y,z,time\n" + "0,0,1,2,3,2024-01-01T10:00:00\n" * 3)
     for skip_bad in (False, True):
         with pytest.raises(InputError, match="row 2 column time: .* no other row has one.*'format'") as error:
@@ -295,7 +295,7 @@ def test_a_column_without_any_number_is_not_to_be_had_by_leaving_out_rows(tmp_pa
         assert not isinstance(error.value, RowError)
 
 
-def test_a_file_of_bad_rows_is_refused_though_bad_rows_may_be_left_out(tmp_path, two_joints):
+def test_skip_bad_refuses_more_than_100_bad_rows(tmp_path, two_joints):
     path = written(tmp_path, PLAIN + "x,0,0,0,0,20,A,0\n" * 101)
     with pytest.raises(InputError, match="no more than 100"):
         load_data(path, two_joints, skip_bad=True)
@@ -320,7 +320,7 @@ def test_foreign_files_are_refused_with_the_command_that_reads_them(tmp_path, tw
 
 
 @pytest.mark.parametrize("name", ["station", "nest", "travel2", "duty1"])
-def test_columns_that_one_effect_reads_are_no_strangers(tmp_path, two_joints, name):
+def test_columns_read_by_a_single_effect_are_known(tmp_path, two_joints, name):
     (tmp_path / "data.csv").write_text(f"q1,q2,x,y,z,{name}\n0.1,0.2,1,2,3,1\n0.3,0.1,1,2,4,2\n")
     data = load_data(tmp_path / "data.csv", two_joints)
     assert data.notes == []
@@ -344,7 +344,7 @@ def with_directions(cells: list[tuple[str, str]]) -> str:
 @pytest.mark.parametrize(
     ("cell", "words"), [("0", "0 in all rows"), ("", "empty in all rows"), ("0.0", "0 in all rows")]
 )
-def test_directions_that_say_nothing_are_left_out_with_a_note(tmp_path, two_joints, cell, words):
+def test_all_zero_or_empty_directions_are_left_out_with_a_note(tmp_path, two_joints, cell, words):
     path = written(tmp_path, with_directions([(cell, cell)] * 3))
     for strict in (True, False):
         data = load_data(path, two_joints, strict=strict)
@@ -352,14 +352,14 @@ def test_directions_that_say_nothing_are_left_out_with_a_note(tmp_path, two_join
         assert f"data.csv: dir1, dir2 are {words}: taken as not recorded" in data.notes
 
 
-def test_directions_of_one_joint_that_say_nothing_leave_the_other(tmp_path, two_joints):
+def test_all_zero_direction_of_one_joint_does_not_drop_others(tmp_path, two_joints):
     data = load_data(written(tmp_path, with_directions([("1", "0"), ("1", "0"), ("-1", "0")])), two_joints)
     assert "dir1" in data.columns
     assert "dir2" not in data.columns
     assert "data.csv: dir2 is 0 in all rows: taken as not recorded" in data.notes
 
 
-def test_direction_of_a_joint_at_rest_and_of_poses_to_predict_stays_0(tmp_path, two_joints):
+def test_direction_0_is_kept_for_a_resting_joint_and_to_predict(tmp_path, two_joints):
     text = with_directions([("0", "0")] * 3)
     poses = load_data(written(tmp_path, text), two_joints, need_position=False)
     assert {"dir1", "dir2"} <= set(poses.columns)
@@ -377,7 +377,7 @@ def test_direction_that_is_empty_in_some_rows_is_refused(tmp_path, two_joints, m
             load_data(path, two_joints)
 
 
-def test_travel_and_duty_that_say_nothing_are_left_out(tmp_path, two_joints):
+def test_all_zero_travel_and_duty_are_left_out(tmp_path, two_joints):
     header, *rows = PLAIN.splitlines()
     text = "\n".join([f"{header},travel1,duty2", *(f"{row},0,0" for row in rows)])
     data = load_data(written(tmp_path, text), two_joints)
@@ -407,20 +407,20 @@ def test_a_passive_joint_needs_no_column(tmp_path, level):
     [[0.0] * 3, [1.57] * 3, list(-ANGLES.sum(axis=1)), list(0.5 - ANGLES.sum(axis=1))],
     ids=["zero", "still in the world", "what the couplings give", "with an offset"],
 )
-def test_what_a_controller_says_of_a_passive_joint_is_kept_and_not_used(tmp_path, level, third):
+def test_readings_of_a_passive_joint_are_kept_but_not_used(tmp_path, level, third):
     data = load_data(written(tmp_path, level_csv(third)), level, need_position=False)
     np.testing.assert_array_equal(data.columns["q3"], 0.0)
     np.testing.assert_allclose(data.passive["q3"], third)
     assert any("q3 is not used: joint 3 has no motor" in note for note in data.notes)
 
 
-def test_a_passive_joint_that_goes_its_own_way_is_refused(tmp_path, level):
+def test_passive_joint_that_contradicts_its_coupling_is_refused(tmp_path, level):
     text = level_csv(list(ANGLES.sum(axis=1)))
     with pytest.raises(InputError, match=r"column q3: found values that go up to 0\.2 rad their own way"):
         load_data(written(tmp_path, text), level, need_position=False)
 
 
-def test_no_drive_of_a_passive_joint_says_anything(tmp_path, level):
+def test_direction_of_a_passive_joint_is_not_used(tmp_path, level):
     data = load_data(written(tmp_path, level_csv(None, "dir3")), level, need_position=False)
     assert "dir3" not in data.columns
     assert any("not used, as the joints have no motor: dir3" in note for note in data.notes)

@@ -9,7 +9,7 @@ from armtrue.errors import InputError
 from armtrue.io.files import check_writable, read_text, write_file
 
 
-def test_writes_text_and_bytes_with_ordinary_permissions(tmp_path):
+def test_text_is_written_as_utf8_with_ordinary_permissions(tmp_path):
     write_file(tmp_path / "a", "µ\n")
     assert (tmp_path / "a").read_bytes() == "µ\n".encode()
     (tmp_path / "b").touch()
@@ -30,7 +30,7 @@ def test_an_interrupted_write_leaves_the_old_file_and_nothing_else(tmp_path, mon
 
 
 def test_a_killed_write_leaves_the_old_file(tmp_path):
-    """Killed without a chance to clean up, between the last byte and the renaming."""
+    """SIGKILL, which allows no clean-up, between the last byte written and the renaming."""
     (tmp_path / "fit.json").write_text("old")
     program = (
         "import os, signal, sys\n"
@@ -45,12 +45,12 @@ def test_a_killed_write_leaves_the_old_file(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "words"), [("nowhere/a", "found no folder"), (".", "found a folder")])
-def test_says_where_it_cannot_write(tmp_path, name, words):
+def test_unwritable_path_is_refused_with_the_reason(tmp_path, name, words):
     with pytest.raises(InputError, match=words):
         check_writable(tmp_path / name)
 
 
-def test_refuses_what_is_too_large_or_not_text(tmp_path):
+def test_file_too_large_not_utf8_or_missing_is_refused(tmp_path):
     (tmp_path / "large").write_bytes(b"x" * 11)
     with pytest.raises(InputError, match="found 11 bytes, expected at most 10"):
         read_text(tmp_path / "large", largest_bytes=10)

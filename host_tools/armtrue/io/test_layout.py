@@ -1,4 +1,4 @@
-"""dataset.yaml: a foreign file and the same data in the contract's form must read alike."""
+"""Foreign files read through dataset.yaml: units, signs, order of rows, rotations, time, variables."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def load(tmp_path: Path, robot, dataset: str = DATASET, foreign: str = FOREIGN):
     return load_data(path, robot)
 
 
-def test_reads_units_signs_order_and_rotations(tmp_path, two_joints):
+def test_units_signs_order_and_rotations_are_read(tmp_path, two_joints):
     data = load(tmp_path, two_joints)
     columns = data.columns
     np.testing.assert_array_equal(data.rows, [3, 2, 4])
@@ -63,7 +63,7 @@ def test_reads_units_signs_order_and_rotations(tmp_path, two_joints):
     assert len(data.notes) == 2
 
 
-def test_poses_to_predict_come_in_the_order_of_the_file(tmp_path, two_joints):
+def test_poses_to_predict_keep_the_order_of_the_file(tmp_path, two_joints):
     in_time = load(tmp_path, two_joints)
     to_predict = load_data(tmp_path / "dataset.yaml", two_joints, need_position=False)
     np.testing.assert_array_equal(to_predict.rows, [2, 3, 4])
@@ -72,7 +72,7 @@ def test_poses_to_predict_come_in_the_order_of_the_file(tmp_path, two_joints):
         np.testing.assert_array_equal(to_predict.columns[name], in_time.columns[name][[1, 0, 2]])
 
 
-def test_a_joint_at_rest_keeps_the_direction_it_came_with(tmp_path, two_joints):
+def test_joint_at_rest_keeps_its_last_direction(tmp_path, two_joints):
     foreign = "J1,J2,X\n0,0,1\n1,0,2\n1,0,3\n0.5,0,4\n0.5,1,5\n"
     dataset = """\
 file: foreign.csv
@@ -95,7 +95,7 @@ derive: {dir: from_order}
         ("form: matrix, columns: [A, E, A, B, A, A, A, A, B]", (0, 1, 0, 0, -1)),
     ],
 )
-def test_a_quarter_turn_about_z_in_every_form(tmp_path, two_joints, rotation, cells):
+def test_quarter_turn_about_z_is_read_in_every_form(tmp_path, two_joints, rotation, cells):
     cells = (*cells, *[0] * (5 - len(cells)))
     foreign = "J,X,A,B,C,D,E\n" + ",".join(map(str, (0.1, 1.0, *cells))) + "\n"
     dataset = f"file: foreign.csv\ncolumns: {{q1: J, q2: J, x: X, y: X, z: X}}\nrotation: {{{rotation}}}\n"
@@ -104,26 +104,26 @@ def test_a_quarter_turn_about_z_in_every_form(tmp_path, two_joints, rotation, ce
     np.testing.assert_allclose(found, [math.sqrt(0.5), 0, 0, math.sqrt(0.5)], atol=1e-12)
 
 
-def test_rows_may_be_chosen(tmp_path, two_joints):
+def test_rows_are_selected_by_range_skip_and_value(tmp_path, two_joints):
     dataset = DATASET.replace("sort_by: time\n", "rows: {from: 2, to: 4, skip: [2], where: {Who: a}}\n")
     np.testing.assert_array_equal(load(tmp_path, two_joints, dataset).rows, [4])
 
 
-def test_order_of_rows_may_stand_for_time(tmp_path, two_joints):
+def test_time_is_derived_from_the_order_of_rows(tmp_path, two_joints):
     dataset = DATASET.replace(
         'time: {column: Stamp, format: "%Y%m%d%H%M%S"}', "time: {from: rows, seconds_per_row: 5}"
     )
     np.testing.assert_array_equal(load(tmp_path, two_joints, dataset).columns["time"], [0, 5, 10])
 
 
-def test_time_may_count_from_a_given_origin(tmp_path, two_joints):
+def test_time_is_counted_from_a_given_origin(tmp_path, two_joints):
     dataset = DATASET.replace('%S"}', '%S", origin: "20200714163900"}')
     np.testing.assert_array_equal(load(tmp_path, two_joints, dataset).columns["time"], [4, 24, 44])
 
 
 @pytest.mark.parametrize("written", ["16:39:14", "16:39:14.0000000"])
-def test_a_whole_second_may_lack_the_fraction_that_others_have(tmp_path, two_joints, written):
-    """Programs leave `.000` out, and some write more digits than a microsecond has."""
+def test_time_without_or_with_long_fraction_of_a_second_is_read(tmp_path, two_joints, written):
+    """Some programs omit `.000`, and some write more than six decimals."""
     cells = {"20200714163924": "16:39:24.25", "20200714163904": written, "20200714163944": "16:39:44.50"}
     foreign = FOREIGN
     for stamp, clock in cells.items():
@@ -132,14 +132,14 @@ def test_a_whole_second_may_lack_the_fraction_that_others_have(tmp_path, two_joi
     np.testing.assert_array_equal(data.columns["time"], [0.0, 10.25, 30.5])
 
 
-def test_a_file_without_header_names_columns_by_number(tmp_path, two_joints):
+def test_columns_of_a_file_without_header_are_given_by_number(tmp_path, two_joints):
     dataset = "file: foreign.csv\nheader_row: 0\ncolumns: {q1: 1, q2: 2, x: 3, y: 4, z: 5}\n"
     data = load(tmp_path, two_joints, dataset, "0,1,2,3,4\n1,0,3,3,4\n")
     np.testing.assert_array_equal(data.columns["x"], [2, 3])
     np.testing.assert_array_equal(data.rows, [1, 2])
 
 
-def test_lines_before_the_header_are_passed_over(tmp_path, two_joints):
+def test_lines_before_the_header_are_ignored(tmp_path, two_joints):
     dataset = "file: foreign.csv\nheader_row: 3\ncolumns: {q1: J, q2: J, x: J, y: J, z: J}\n"
     data = load(tmp_path, two_joints, dataset, "Leica;1;2\n# by hand\nJ\n0.5\n")
     np.testing.assert_array_equal(data.rows, [4])
@@ -177,21 +177,21 @@ def test_lines_before_the_header_are_passed_over(tmp_path, two_joints):
         ("constant: 2500", "constant: heavy", "columns.payload.constant: found 'heavy'"),
     ],
 )
-def test_names_the_key(tmp_path, two_joints, found, put, names):
+def test_bad_dataset_yaml_is_refused_with_its_key(tmp_path, two_joints, found, put, names):
     assert found in DATASET
     with pytest.raises(InputError) as error:
         load(tmp_path, two_joints, DATASET.replace(found, put, 1))
     assert names in str(error.value)
 
 
-def test_a_point_in_a_file_with_decimal_commas_is_refused(tmp_path, two_joints):
+def test_point_in_a_number_with_decimal_comma_is_refused(tmp_path, two_joints):
     with pytest.raises(
         InputError, match=r"row 2 column PX: found '1\.000,5', expected a number with a decimal comma"
     ):
         load(tmp_path, two_joints, foreign=FOREIGN.replace("1000,5", "1.000,5"))
 
 
-def test_a_name_that_begins_like_a_home_is_a_name(tmp_path, two_joints):
+def test_file_name_with_a_tilde_is_not_a_home_folder(tmp_path, two_joints):
     (tmp_path / "~nobody.csv").write_text(FOREIGN)
     assert load(tmp_path, two_joints, DATASET.replace("foreign.csv", "~nobody.csv")).count == 3
 
@@ -199,17 +199,17 @@ def test_a_name_that_begins_like_a_home_is_a_name(tmp_path, two_joints):
 VARIABLES = "variables: {{{name}: J2}}\n"
 
 
-def test_variables_of_ones_own_are_read_under_their_names(tmp_path, two_joints):
+def test_user_variables_are_read_under_their_names(tmp_path, two_joints):
     data = load(tmp_path, two_joints, DATASET + VARIABLES.format(name="speed"))
     np.testing.assert_allclose(data.columns["speed"], [10.5, -10.5, 20.5])
 
 
 @pytest.mark.parametrize("name", ["q1", "payload", "sin", "two words", "tau1", "station"])
-def test_variables_do_not_take_names_that_mean_something(tmp_path, two_joints, name):
+def test_variable_with_a_reserved_name_is_refused(tmp_path, two_joints, name):
     with pytest.raises(InputError, match=f"variables.*found '{name}', expected a name of letters"):
         load(tmp_path, two_joints, DATASET + VARIABLES.format(name=name))
 
 
-def test_rows_to_skip_may_hold_anything(tmp_path, two_joints):
+def test_skipped_rows_may_be_malformed(tmp_path, two_joints):
     data = load(tmp_path, two_joints, DATASET + "rows: {skip: [3]}\n", FOREIGN.replace("294,15", ""))
     np.testing.assert_array_equal(data.rows, [2, 4])

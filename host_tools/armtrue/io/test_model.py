@@ -20,7 +20,7 @@ def load(tmp_path: Path, robot, text: str):
 CUSTOM = "{effect: custom, name: mine, coordinate: motor1, expression: sin(q1)"
 
 
-def test_normalises_entries(tmp_path, two_joints):
+def test_entries_are_normalised_and_defaults_added(tmp_path, two_joints):
     model = load(
         tmp_path,
         two_joints,
@@ -37,7 +37,7 @@ def test_normalises_entries(tmp_path, two_joints):
     assert model.instrument is None
 
 
-def test_takes_what_is_known_of_parameters(tmp_path, two_joints):
+def test_fixed_parameters_and_priors_are_read(tmp_path, two_joints):
     model = load(
         tmp_path,
         two_joints,
@@ -52,7 +52,7 @@ def test_takes_what_is_known_of_parameters(tmp_path, two_joints):
     assert model.priors == {"angle_deg": 1.0, "length_mm": 2.0}
 
 
-def test_takes_a_users_own_effect(tmp_path, two_joints):
+def test_custom_effect_is_read(tmp_path, two_joints):
     model = load(tmp_path, two_joints, f"effects: [{CUSTOM}*k, parameters: {{k: 2}}, unit: rad}}]\n")
     assert model.effects == [
         {
@@ -66,7 +66,7 @@ def test_takes_a_users_own_effect(tmp_path, two_joints):
     ]
 
 
-def test_the_same_effect_may_stand_on_other_joints_and_with_other_options(tmp_path, two_joints):
+def test_effect_may_repeat_with_other_joints_or_options(tmp_path, two_joints):
     text = """effects:
 - {effect: joint_offset, joints: [1]}
 - {effect: joint_offset, joints: [2]}
@@ -110,7 +110,7 @@ def test_the_same_effect_may_stand_on_other_joints_and_with_other_options(tmp_pa
         ),
     ],
 )
-def test_says_what_is_wrong_and_where(tmp_path, two_joints, text, names):
+def test_bad_model_is_refused_with_its_key(tmp_path, two_joints, text, names):
     with pytest.raises(InputError) as error:
         load(tmp_path, two_joints, text)
     assert names in str(error.value)
@@ -133,13 +133,13 @@ def test_says_what_is_wrong_and_where(tmp_path, two_joints, text, names):
         ("effect backlash: no", "effect backlash: no"),
     ],
 )
-def test_refusal_of_a_model_names_its_key(message, words):
+def test_message_of_the_fitter_is_translated_to_the_model_key(message, words):
     effects = [{"effect": "base_frame"}, {"effect": "custom", "name": "c", "expression": "1/(q1-q1)"}]
     names = ["joint_compliance[2]", "joint_offset[2]", "custom.c"]
     assert refusal_words(message, effects, names, np.array([4, 7])) == words
 
 
-def test_an_effect_to_add_must_not_be_in_already(two_joints):
+def test_effect_already_in_the_model_cannot_be_added(two_joints):
     already = [{"effect": "joint_offset"}, {"effect": "backlash", "joints": [1]}]
     assert check_effect({"effect": "backlash", "joints": [2]}, two_joints, "add", already)["joints"] == [2]
     for entry in ({"effect": "joint_offset"}, {"effect": "backlash", "joints": [1, 2]}):
@@ -147,7 +147,7 @@ def test_an_effect_to_add_must_not_be_in_already(two_joints):
             check_effect(entry, two_joints, "add", already)
 
 
-def test_the_catalogue_holds_every_effect_of_the_contract():
+def test_catalogue_lists_exactly_the_documented_effects():
     contract = {
         "base_frame",
         "tool_offset",
@@ -195,7 +195,7 @@ def test_the_catalogue_holds_every_effect_of_the_contract():
     assert of_the_measurement == of_the_session | of_the_instrument
 
 
-def test_names_of_coordinates_and_state_are_those_of_the_model_page(two_joints):
+def test_coordinate_and_state_names_are_those_documented(two_joints):
     assert {"motor2", "base.tx", "link1.rz", "tool.ry"} <= set(coordinate_names(2))
     names = set(state_names(two_joints))
     assert {"q1", "th2", "qr1", "tau2", "gmx1", "bmy", "dT", "dT_arm", "payload", "dir2", "time"} <= names
@@ -204,7 +204,7 @@ def test_names_of_coordinates_and_state_are_those_of_the_model_page(two_joints):
 
 
 @pytest.mark.parametrize("name", ["q1", "th2", "dT_arm", "pi", "sin"])
-def test_custom_parameter_named_like_a_state_variable_is_refused(name, tmp_path, two_joints):
+def test_custom_parameter_with_a_reserved_name_is_refused(name, tmp_path, two_joints):
     path = tmp_path / "model.yaml"
     path.write_text(f"effects:\n- {CUSTOM}, parameters: {{{name}: 0.001}}}}\n")
     with pytest.raises(

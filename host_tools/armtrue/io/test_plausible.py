@@ -1,4 +1,4 @@
-"""Figures that no arm reaches: too few poses, and positions in another unit."""
+"""Implausible data: too few poses, positions in another unit, temperatures that no arm has."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ POINTS = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
         (10, 0.04, "found no joint that moves more than 0.04, expected 0.05 at least"),
     ],
 )
-def test_poses_that_cannot_place_base_and_tool_are_counted(count: int, travel: float, words: str) -> None:
+def test_too_few_poses_or_too_little_travel_is_reported(count: int, travel: float, words: str) -> None:
     assert too_few_poses(np.column_stack([np.linspace(0.0, travel, count), np.zeros(count)])) == words
 
 
@@ -30,9 +30,7 @@ def test_ten_poses_of_one_moving_joint_are_enough() -> None:
 
 
 @pytest.mark.parametrize(("per_metre", "likely"), [(1000.0, "millimetres"), (39.37, "inches or centimetres")])
-def test_positions_in_another_unit_are_named_by_the_unit_that_is_likely(
-    per_metre: float, likely: str
-) -> None:
+def test_positions_in_another_unit_name_the_likely_unit(per_metre: float, likely: str) -> None:
     columns = dict(zip("xyz", per_metre * POINTS.T, strict=True))
     ((_, _, expected),) = wrong_units(columns, ARM)
     assert f"these look like {likely})" in expected
@@ -50,7 +48,7 @@ def test_positions_in_metres_are_plausible() -> None:
         (294.0, "these look like kelvin"),
     ],
 )
-def test_temperatures_that_no_arm_has_are_named_as_what_they_are(cell: float, meant: str) -> None:
+def test_implausible_temperature_names_its_likely_meaning(cell: float, meant: str) -> None:
     ((name, at, expected),) = wrong_units({"temp_arm": np.array([20.0, 21.0, cell])}, ARM)
     assert (name, at) == ("temp_arm", 2)
     assert meant in expected

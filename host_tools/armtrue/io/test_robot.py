@@ -15,7 +15,7 @@ def written(tmp_path: Path, text: str) -> Path:
     return path
 
 
-def test_fills_defaults_and_keeps_what_is_given(tmp_path):
+def test_defaults_are_added_and_given_values_kept(tmp_path):
     robot = load_robot(written(tmp_path, TWO_JOINTS))
     first, second = robot.joints
     assert first == {
@@ -36,22 +36,22 @@ def test_fills_defaults_and_keeps_what_is_given(tmp_path):
     assert robot.reach_m == pytest.approx(0.5)
 
 
-def test_name_is_the_files_where_none_is_given(tmp_path):
+def test_robot_without_a_name_is_named_after_its_file(tmp_path):
     assert load_robot(written(tmp_path, TWO_JOINTS.replace("name: two\n", ""))).spec["name"] == "robot"
 
 
-def test_yaml_numbers_are_those_of_version_1_2(tmp_path):
+def test_yaml_scalars_follow_version_1_2(tmp_path):
     text = TWO_JOINTS.replace("d: 0.4", "d: 4e-1").replace("name: A1", "name: no")
     robot = load_robot(written(tmp_path, text))
     assert robot.joints[0]["d"] == 0.4
     assert robot.joints[0]["name"] == "no"
 
 
-def test_a_character_in_two_halves_is_one(tmp_path):
+def test_surrogate_pair_in_yaml_is_read_as_one_character(tmp_path):
     assert load_robot(written(tmp_path, TWO_JOINTS.replace("two", '"\\ud83d\\ude00"'))).spec["name"] == "😀"
 
 
-def test_spec_is_json_that_reads_back_as_convention_chain(tmp_path):
+def test_chain_robot_written_as_json_reads_back_alike(tmp_path):
     import json
 
     text = """\
@@ -126,7 +126,7 @@ kinematics:
         ),
     ],
 )
-def test_says_what_is_wrong_and_where(tmp_path, found, put, names):
+def test_bad_robot_file_is_refused_with_its_key(tmp_path, found, put, names):
     assert found in TWO_JOINTS
     path = written(tmp_path, TWO_JOINTS.replace(found, put, 1))
     with pytest.raises(InputError) as error:
@@ -150,12 +150,12 @@ def test_says_what_is_wrong_and_where(tmp_path, found, put, names):
         ('name: "\\ud83d"\n', "line 1: found half of a pair of surrogates"),
     ],
 )
-def test_refuses_what_is_no_robot_file(tmp_path, text, names):
+def test_file_that_is_no_robot_yaml_is_refused(tmp_path, text, names):
     with pytest.raises(InputError, match=names):
         load_robot(written(tmp_path, text))
 
 
-def test_names_a_missing_file_and_a_folder(tmp_path):
+def test_missing_file_and_folder_are_refused_by_name(tmp_path):
     with pytest.raises(InputError, match=r"nowhere\.yaml: found no such file"):
         load_robot(tmp_path / "nowhere.yaml")
     with pytest.raises(InputError, match="found a folder"):
@@ -184,6 +184,6 @@ def test_a_passive_joint_has_no_motor_and_needs_no_limits(tmp_path):
         ("name: A1,", "name: A1, passive: true,", "driving: found 1, expected a joint with a motor"),
     ],
 )
-def test_says_what_is_wrong_with_a_passive_joint(tmp_path, old, new, words):
+def test_bad_passive_joint_is_refused_with_its_key(tmp_path, old, new, words):
     with pytest.raises(InputError, match=re.escape(words)):
         load_robot(written(tmp_path, LEVEL.replace(old, new)))

@@ -8,7 +8,7 @@ from armtrue.io import rotation
 RANDOM = np.random.default_rng(7)
 
 
-def test_turn_about_x_carries_y_to_z():
+def test_quarter_turn_about_x_maps_y_to_z():
     matrix = rotation.matrix_about("x", np.pi / 2)
     np.testing.assert_allclose(matrix @ [0, 1, 0], [0, 0, 1], atol=1e-15)
 
@@ -16,14 +16,14 @@ def test_turn_about_x_carries_y_to_z():
 @pytest.mark.parametrize(
     "sequence", ["".join(s) for s in itertools.product("xyz", repeat=3) if s[0] != s[1] != s[2]]
 )
-def test_intrinsic_is_extrinsic_in_reverse(sequence):
+def test_intrinsic_sequence_equals_reversed_extrinsic_sequence(sequence):
     angles = RANDOM.uniform(-3, 3, (5, 3))
     intrinsic = rotation.matrix_from_euler(angles, sequence, intrinsic=True)
     extrinsic = rotation.matrix_from_euler(angles[:, ::-1], sequence[::-1], intrinsic=False)
     np.testing.assert_allclose(intrinsic, extrinsic, atol=1e-14)
 
 
-def test_rpy_comes_back_from_its_matrix():
+def test_rpy_is_recovered_from_its_matrix():
     for rpy in RANDOM.uniform(-1.5, 1.5, (20, 3)):
         np.testing.assert_allclose(rotation.rpy_from_matrix(rotation.matrix_from_rpy(rpy)), rpy, atol=1e-12)
 
@@ -34,7 +34,7 @@ def test_rpy_at_pitch_90_gives_the_same_matrix(pitch):
     np.testing.assert_allclose(rotation.matrix_from_rpy(rotation.rpy_from_matrix(matrix)), matrix, atol=1e-12)
 
 
-def test_rotation_vector_of_no_turn_and_of_small_and_large_turns():
+def test_rotation_vectors_of_any_size_give_rotation_matrices():
     vectors = np.vstack([np.zeros(3), RANDOM.normal(size=(3, 3)) * 1e-9, RANDOM.normal(size=(3, 3))])
     matrices = rotation.matrix_from_rotation_vector(vectors)
     np.testing.assert_allclose(
@@ -46,7 +46,7 @@ def test_rotation_vector_of_no_turn_and_of_small_and_large_turns():
     np.testing.assert_allclose(matrices[1] - np.eye(3), -(matrices[1] - np.eye(3)).T, atol=1e-17)
 
 
-def test_quaternion_turns_as_its_matrix_does():
+def test_quaternion_describes_the_same_rotation_as_its_matrix():
     # Half turns about each axis make each component in turn the largest.
     vectors = np.vstack([RANDOM.normal(size=(50, 3)) * 2, np.eye(3) * np.pi, np.zeros((1, 3))])
     matrices = rotation.matrix_from_rotation_vector(vectors)

@@ -1,4 +1,4 @@
-"""A URDF and the same arm written as modified DH must be one arm: compared through their own forward kinematics."""
+"""URDFs: the chain that is read is compared with the forward kinematics of the URDF worked out joint by joint."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armtrue.errors import InputError
 from armtrue.io import load_robot
 from armtrue.io.rotation import matrix_about, matrix_from_rpy
 
-# Axes in all the awkward directions: -z, y, tilted, x by default; a fixed link in between, a flange, a tool body.
+# Axes along -z, y and a tilted direction; fixed joints before, between and after the moving ones.
 URDF = """<?xml version="1.0"?>
 <robot name="odd">
   <link name="world"/>
@@ -52,7 +52,7 @@ def move(xyz, rpy=(0.0, 0.0, 0.0)):
 
 
 def turn(axis, angle):
-    """Rodrigues' formula, written out apart from the product's."""
+    """Rodrigues' formula, independent of the code under test."""
     x, y, z = np.asarray(axis) / np.linalg.norm(axis)
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     matrix = np.eye(4)
@@ -75,7 +75,7 @@ def frames_of_chain(spec, q):
 
 
 def by_hand(q):
-    """The URDF above, joint by joint; also the three links' poses."""
+    """Poses of the three links and of the flange of the URDF above, joint by joint."""
     l1 = move([0, 0, 0.5], [0, 0, 0.3]) @ turn([0, 0, -1], q[0])
     l2 = l1 @ move([0.1, 0, 0.3], [0.2, 0.1, 0]) @ turn([0, 1, 0], q[1])
     l3 = l2 @ move([0, 0, 0.3]) @ move(np.array([1, 0, 1]) / math.sqrt(2) * q[2])
@@ -83,7 +83,7 @@ def by_hand(q):
 
 
 @pytest.mark.parametrize("q", [(0.0, 0.0, 0.0), (0.7, -1.1, 0.2), (-2.9, 1.4, 0.5)])
-def test_chain_moves_as_the_urdf(tmp_path, q):
+def test_chain_has_the_forward_kinematics_of_the_urdf(tmp_path, q):
     spec = load(tmp_path).spec
     frames, end = frames_of_chain(spec, q)
     links, end_by_hand = by_hand(q)
@@ -99,19 +99,19 @@ def test_chain_moves_as_the_urdf(tmp_path, q):
     assert [link["mass"] for link in spec["links"]] == [4.0, 2.0, 1.0]
 
 
-def test_limits_and_types(tmp_path):
+def test_limits_and_joint_types_are_read(tmp_path):
     joints = load(tmp_path).joints
     assert [joint["type"] for joint in joints] == ["revolute", "revolute", "prismatic"]
     assert "limits" not in joints[0]
     assert joints[1]["limits"] == [-2.0, 1.5]
 
 
-def test_gear_ratios_may_stand_beside_the_urdf(tmp_path):
+def test_gear_ratios_are_given_beside_the_urdf(tmp_path):
     robot = load(tmp_path, robot=ROBOT.replace("}", ", gear_ratios: [100, 121, 50]}"))
     assert [joint["gear_ratio"] for joint in robot.joints] == [100.0, 121.0, 50.0]
 
 
-def test_the_lead_of_a_slide_may_stand_beside_the_urdf(tmp_path):
+def test_lead_of_a_prismatic_joint_is_given_beside_the_urdf(tmp_path):
     text = ROBOT.replace("}", ", gear_ratios: [100, 121, 50], leads: {j3: 0.02}}")
     robot = load(tmp_path, robot=text)
     assert robot.joints[2]["lead"] == 0.02
@@ -190,25 +190,25 @@ def test_the_lead_of_a_slide_may_stand_beside_the_urdf(tmp_path):
         (URDF, ROBOT.replace("}", ", gear_ratios: [100]}"), "a list of 3 ratios"),
     ],
 )
-def test_says_what_is_wrong_with_a_urdf(tmp_path, urdf, robot, names):
+def test_bad_urdf_is_refused_with_its_element(tmp_path, urdf, robot, names):
     with pytest.raises(InputError, match=names):
         load(tmp_path, urdf, robot)
 
 
-def test_tags_of_xacro_and_simulators_are_passed_over_in_silence(tmp_path, capfd):
+def test_tags_of_xacro_and_simulators_are_ignored_silently(tmp_path, capfd):
     tags = '<xacro:property name="x" value="1"/><gazebo reference="l1"/><odd/></robot>'
     urdf = URDF.replace('name="odd"', 'name="odd" xmlns:xacro="http://www.ros.org/wiki/xacro"')
     assert load(tmp_path, urdf.replace("</robot>", tags)).joint_count == 3
     assert capfd.readouterr().err == ""
 
 
-# l3 leans on l2, and l2's cover on that: both follow j1.
+# j2 mimics j1, and j3 mimics j2: both follow j1.
 MIMIC = URDF.replace(
     '<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="j1" multiplier="-0.5" offset="0.2"/>'
 ).replace('<axis xyz="1 0 1"/>', '<axis xyz="1 0 1"/><mimic joint="j2" multiplier="0.1" offset="0.05"/>')
 
 
-def test_joints_that_mimic_others_are_passive_and_stand_where_the_urdf_says(tmp_path):
+def test_mimic_joints_are_passive_and_follow_the_urdf(tmp_path):
     robot = load(tmp_path, MIMIC)
     assert (robot.passive, robot.motors) == ([2, 3], [1])
     j1 = 0.7
@@ -217,11 +217,11 @@ def test_joints_that_mimic_others_are_passive_and_stand_where_the_urdf_says(tmp_
     offsets = [joint["offset"] for joint in robot.joints]
     angles = robot.mechanical_coupling @ [j1, 0.0, 0.0] + offsets
     assert angles == pytest.approx([j1, j2, j3])
-    # Limits are of what the couplings give.
+    # Limits apply to the angle that the couplings give, without the offset.
     assert robot.joints[1]["limits"] == pytest.approx([-2.2, 1.3])
 
 
-def test_a_multiplier_is_per_angle_of_the_link_that_is_mimicked(tmp_path):
+def test_mimic_multiplier_applies_to_the_link_angle(tmp_path):
     robot = load(
         tmp_path,
         URDF.replace('<axis xyz="1 0 1"/>', '<axis xyz="1 0 1"/><mimic joint="j2" multiplier="0.1"/>'),
@@ -232,12 +232,12 @@ def test_a_multiplier_is_per_angle_of_the_link_that_is_mimicked(tmp_path):
     assert links == pytest.approx([0.4, -0.1, -0.01])
 
 
-def test_a_mimic_that_robot_yaml_repeats_is_named(tmp_path):
+def test_mimic_repeated_as_coupling_in_robot_yaml_is_refused(tmp_path):
     with pytest.raises(InputError, match="found joint 2 driven by 1, which the URDF says by 'mimic'"):
         load(tmp_path, MIMIC, ROBOT + "coupling: [{joint: 2, driving: 1, ratio: -0.5}]\n")
 
 
-def test_a_urdf_without_mimic_gets_its_passive_joint_in_robot_yaml(tmp_path):
+def test_passive_joint_of_a_urdf_is_given_in_robot_yaml(tmp_path):
     robot = load(
         tmp_path,
         robot=ROBOT.replace("}", ", passive: [2], gear_ratios: [100, 50]}")

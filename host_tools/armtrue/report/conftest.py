@@ -43,7 +43,7 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> list[Fit]:
 
 @pytest.fixture(scope="session")
 def heated(tmp_path_factory: pytest.TempPathFactory) -> Report:
-    """Of an arm whose axis 2 drifts with heat, one way on the left of the cell and the other way on the right."""
+    """Of an arm whose axis 2 drifts with temperature, with opposite signs on the left and right of the cell."""
     term = {"effect": "custom", "name": "heat_times_joint", "coordinate": "motor2", "joints": [1]}
     hidden = [{**term, "expression": "tanh(dT*q1/10)", "value": 1.5e-4}]
     scenario = {"arm": "kr30", "seed": 14, "hidden": hidden}

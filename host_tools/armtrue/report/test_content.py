@@ -1,4 +1,4 @@
-"""What a report gathers, against what was simulated."""
+"""The content of a report compared with the simulated arm."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ORIENTED = {
 ARCSECOND = np.pi / 648000.0
 
 
-def test_steps_tell_what_changed_and_the_error_falls(report):
+def test_steps_name_their_added_effects_and_the_error_falls(report):
     between = report.steps[1]
     assert [step.title for step in report.steps] == ["believed", f"+ {between.added[0]}", "refined"]
     for number, step in enumerate(report.steps, start=1):
@@ -41,7 +41,7 @@ def test_steps_tell_what_changed_and_the_error_falls(report):
     assert means[2] < 1.5 * report.last.noise_floor_um
 
 
-def test_variables_are_those_that_were_recorded_or_follow(report):
+def test_variables_include_recorded_and_derived_ones(report):
     names = {variable.name for variable in report.variables}
     joints = range(1, 7)
     recorded = {f"q{k}" for k in joints} | {f"dir{k}" for k in joints} | {"temp_arm", "payload", "time"}
@@ -51,8 +51,8 @@ def test_variables_are_those_that_were_recorded_or_follow(report):
 
 
 @pytest.mark.parametrize("joint", [1, 3, 5])
-def test_an_error_of_one_joint_is_read_as_that_angle(report, joint):
-    """The residual that 10″ on one motor makes, by prediction of moved joints, reads 10″ along that joint."""
+def test_error_of_one_joint_is_read_as_its_angle(report, joint):
+    """The residual predicted for a motor that turns by 10″ reads as 10″ along its joint."""
     fit = report.last.fit
     data = fit.data
     moved = dict(data.columns)
@@ -66,7 +66,7 @@ def test_an_error_of_one_joint_is_read_as_that_angle(report, joint):
 
 
 @pytest.mark.full
-def test_a_joint_with_the_reflector_on_its_axis_is_not_read(report, monkeypatch):
+def test_joint_with_the_reflector_on_its_axis_is_left_out(report, monkeypatch):
     column = _core.coordinate_column
 
     def on_axis_6(fit, name):
@@ -80,12 +80,12 @@ def test_a_joint_with_the_reflector_on_its_axis_is_not_read(report, monkeypatch)
     assert f"joint 6, whose axis runs {1e3 * made.tiny_levers[6]:.1f} mm beside the reflector" in page(made)
 
 
-def test_joints_with_a_lever_are_all_read(report):
+def test_all_joints_with_a_lever_arm_are_shown(report):
     assert report.tiny_levers == {}
     assert {f"motor{k}" for k in range(1, 7)} <= {direction.name for direction in report.directions}
 
 
-def test_the_telling_views_show_what_is_hidden_and_that_it_went(report):
+def test_views_show_missing_effects_before_and_not_after(report):
     telling = {view.variable.name: view for view in report.telling_views()}
     for name in ("q3", "dir2"):
         assert telling[name].first.trend
@@ -93,7 +93,7 @@ def test_the_telling_views_show_what_is_hidden_and_that_it_went(report):
     assert telling["dir2"].direction.name == "motor2"
 
 
-def test_added_variables_lie_on_their_line(report):
+def test_added_variable_plot_of_the_best_candidate_has_slope_one(report):
     first = report.diagnoses[0]
     best = first.added_variables[0]
     assert best.candidate["recommend"]
@@ -104,7 +104,7 @@ def test_added_variables_lie_on_their_line(report):
     assert not best.turned.any()
 
 
-def test_a_candidate_that_the_model_takes_over_is_said_and_not_drawn(report):
+def test_candidate_that_the_model_can_absorb_is_not_drawn(report):
     first, *others = report.diagnoses
     scale = {**first.result["candidates"][0], "effect": "tracker_scale", "joints": [], "options": {}}
     scale["recommend"] = False
@@ -119,8 +119,8 @@ def test_a_candidate_that_the_model_takes_over_is_said_and_not_drawn(report):
 
 
 @pytest.mark.full
-def test_orientations_count_in_added_variables_as_they_do_in_the_table(tmp_path):
-    """An arm measured in orientation too, with the reflector nearly on axis 6: joint 6 shows in orientations alone."""
+def test_added_variables_weigh_orientations_like_the_table(tmp_path):
+    """With the reflector nearly on axis 6, an error of joint 6 shows in the measured orientations alone."""
     made = fitted(tmp_path, ORIENTED)
     (diagnosis,) = gather([made]).diagnoses
     best = diagnosis.added_variables[0]
@@ -137,7 +137,7 @@ def test_added_variables_of_noise_explain_nothing(report):
     assert all(plot.explained < 0.05 for plot in report.diagnoses[-1].added_variables)
 
 
-def test_spectra_are_of_every_joint_and_see_the_eccentric_gear(report):
+def test_spectra_cover_all_joints_and_show_the_eccentric_gear(report):
     spectra = {spectrum.joint: spectrum for spectrum in report.diagnoses[0].spectra}
     assert sorted(spectra) == list(range(1, 7))
     # The joint swings through half a turn: lines are two cycles wide.
@@ -145,7 +145,7 @@ def test_spectra_are_of_every_joint_and_see_the_eccentric_gear(report):
     assert not report.diagnoses[-1].spectra[2].peaks
 
 
-def test_readings_along_one_direction_count_once_a_pose(report):
+def test_readings_along_one_direction_count_once_per_pose(report):
     fit = report.last.fit
     count = fit.data.count
     visit = np.arange(count)
@@ -156,13 +156,13 @@ def test_readings_along_one_direction_count_once_a_pose(report):
     assert independent(anywhere, lever, visit) == pytest.approx(3 * count, rel=0.25)
     once = independent(along_it, lever, visit)
     assert once == pytest.approx(count, rel=0.25)
-    # Three reflectors that all see what the joint did are one reading of it.
+    # Three reflectors that see the same joint error count as one reading.
     thrice = [np.repeat(values, 3, axis=0) for values in (along_it, lever, visit)]
     assert independent(*thrice) == pytest.approx(once)
 
 
-def test_the_tool_turns_with_a_motor_as_it_really_does(tmp_path):
-    """Joint 3 of this arm keeps its attitude while motor 2 moves: through the coupling, both turn other links."""
+def test_rotation_of_the_tool_per_motor_matches_the_simulation(tmp_path):
+    """By the coupling, link 3 keeps its attitude while motor 2 moves: motors turn other links than without it."""
     made = fitted(tmp_path, {"arm": "irb2400", "seed": 1, "poses": 40, "payloads": [0.0]})
     arm = armtrue_sim.simulate({"arm": "irb2400", "seed": 1, "poses": 40, "payloads": [0.0]}).arm
     joints, small = made.data.joints, 1e-4
@@ -175,11 +175,11 @@ def test_the_tool_turns_with_a_motor_as_it_really_does(tmp_path):
 
 
 @pytest.mark.full
-def test_errors_of_orientation_are_said_beside_those_of_position(tmp_path):
+def test_orientation_errors_are_listed_beside_position_errors(tmp_path):
     made = fitted(tmp_path, {**ORIENTED, "hidden": []})
     report = gather([made])
     error = report.last.turn_error_rad
-    # Three normal errors of 20 µrad are 1.6 times that long in the mean; the fit and the drives add little.
+    # Three normal errors of 20 µrad have a mean length of 1.6 times that; the fit and the drives add little.
     assert error["mean"] == pytest.approx(1.6 * 2e-5, rel=0.15)
     assert error["mean"] < error["rms"] < error["p95"] < error["max"]
     text = page(report)
@@ -188,23 +188,23 @@ def test_errors_of_orientation_are_said_beside_those_of_position(tmp_path):
     assert re.search(r"orientation \d+\.\d″ about each axis", text)
 
 
-def test_orientations_are_not_spoken_of_where_none_were_measured(report):
+def test_orientations_are_omitted_if_none_were_measured(report):
     assert report.last.turn_error_rad is None
     assert "rientation" not in page(report).split("<main>")[1].split("<script")[0]
 
 
 @pytest.mark.full
-def test_gross_errors_do_not_make_lines_of_scatter(tmp_path):
+def test_gross_errors_give_no_peaks_in_spectra(tmp_path):
     made = fitted(tmp_path, {**ORIENTED, "hidden": [], "gross_errors": {"count": 3, "size": [0.002, 0.004]}})
     assert len(made.document["rejected"]) == 3
     spectra = gather([made]).diagnoses[0].spectra
     assert len(spectra) == 6
     assert not [peak for spectrum in spectra for peak in spectrum.peaks]
-    # What one line explains of six readings a pose that know nothing of each other.
+    # The share that one line must explain if the six readings of a pose are independent.
     assert [spectrum.significant for spectrum in spectra] == pytest.approx([0.02] * 6, rel=0.4)
 
 
-def test_a_dozen_poses_are_a_page_that_claims_no_more_than_they_tell(tmp_path):
+def test_page_on_twelve_poses_states_that_these_are_too_few(tmp_path):
     few = {"arm": "kr30", "seed": 6, "poses": 12, "repeats": {}, "hidden": []}
     believed = fitted(tmp_path, {**few, "believed": ["base_frame", "tool_offset", "joint_offset"]})
     report = gather([believed, believed])
@@ -215,7 +215,7 @@ def test_a_dozen_poses_are_a_page_that_claims_no_more_than_they_tell(tmp_path):
 
 
 @pytest.mark.full
-def test_given_fits_that_are_not_saved_are_not_said_to_be_made_for_the_report(fits):
+def test_unsaved_given_fits_are_not_called_fitted_for_the_report(fits):
     given = [replace(fit, path=None, document={**fit.document}) for fit in fits]
     made = gather(given)
     assert [step.title for step in made.steps][::2] == ["fit 1", "fit 2"]
@@ -226,14 +226,14 @@ def test_given_fits_that_are_not_saved_are_not_said_to_be_made_for_the_report(fi
     assert "not saved" in text
 
 
-def test_names_are_one_a_fit(fits):
+def test_names_must_be_as_many_as_fits(fits):
     with pytest.raises(InputError, match="found 1 names for 2 fits"):
         gather(fits, names=["only"])
 
 
 @pytest.mark.full
 def test_every_step_of_a_refinement_can_be_shown(fits):
-    """One step for each effect that comes in: nothing is fitted between them, and each effect comes once."""
+    """One step for each added effect: no intermediate fits are made, and each effect is added once."""
     seen: list[Fit] = []
     refine(fits[0], on_step=lambda fit, _: seen.append(fit))
     made = gather(seen)
@@ -247,5 +247,5 @@ def test_every_step_of_a_refinement_can_be_shown(fits):
 
 
 @pytest.mark.full
-def test_a_step_that_changes_no_effect_says_so(fits):
+def test_step_without_changed_effects_says_fitted_again(fits):
     assert "the same effects, fitted again" in page(gather([fits[1], fits[1]]))

@@ -29,14 +29,14 @@ ALL = [
     "draw",
     [pytest.param(draw, id=draw.__name__) for draw in ALL],
 )
-def test_a_picture_is_the_section_of_the_page(report, draw):
+def test_picture_is_the_section_of_the_page(report, draw):
     shown = draw(report).html
     section = re.search(r"<section.*</section>", shown, re.DOTALL)[0]
     assert "<svg" in section or 'class="viewer"' in section or "bar-track" in section or "<table" in section
     assert section in page(report)
 
 
-def test_a_notebook_keeps_the_pictures_style_and_script_apart_from_its_own(report):
+def test_notebook_shows_a_picture_isolated_in_an_iframe(report):
     picture = figures.vectors(report)
     frame = re.fullmatch(r'<iframe .*srcdoc="([^"]*)".*></iframe>', picture._repr_html_(), re.DOTALL)
     assert html.unescape(frame[1]) == picture.html
@@ -45,12 +45,12 @@ def test_a_notebook_keeps_the_pictures_style_and_script_apart_from_its_own(repor
 
 
 @pytest.mark.full
-def test_what_no_effect_names_is_drawn_where_there_is_some_and_said_where_there_is_none(report, heated):
+def test_unexplained_structure_is_drawn_only_if_there_is_any(report, heated):
     assert "<svg" in figures.unexplained(heated).html
     assert "nothing to show" in figures.unexplained(report).html
 
 
-def test_a_picture_is_saved_as_a_page(report, tmp_path):
+def test_picture_is_saved_as_a_page(report, tmp_path):
     picture = figures.waterfall(report)
     picture.save(tmp_path / "waterfall.html")
     assert (tmp_path / "waterfall.html").read_text(encoding="utf-8") == picture.html
@@ -58,7 +58,7 @@ def test_a_picture_is_saved_as_a_page(report, tmp_path):
 
 
 @pytest.mark.full
-def test_a_rise_is_hatched(report):
+def test_waterfall_hatches_a_rise_of_the_error(report):
     worse = copy.deepcopy(report.last.error)
     fits = [report.last.fit, replace(report.last.fit, document={**report.last.fit.document, "error": worse})]
     worse["held_out"]["mean_um"] *= 3.0

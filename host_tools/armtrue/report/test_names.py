@@ -1,14 +1,14 @@
-"""What effects are called."""
+"""Names of effects."""
 
 from armtrue.report.names import bracketed, called, gathered
 
 
-def test_effects_on_single_joints_are_gathered_pairs_are_not():
+def test_joints_of_one_effect_are_merged_but_pairs_are_not():
     effects = [("gear_mesh", (k,)) for k in (1, 2, 3)] + [("joint_coupling", (5, 4)), ("base_compliance", ())]
     assert gathered(effects) == ["gear_mesh [1–3]", "joint_coupling [5, 4]", "base_compliance"]
 
 
-def test_options_tell_candidates_apart():
+def test_name_of_a_candidate_includes_its_options():
     candidate = {"effect": "gear_mesh", "joints": [2], "options": {"cycles": [20.0]}}
     assert called(candidate) == "gear_mesh [2] 20 cycles a turn"
     assert called({**candidate, "options": {"orders": [1, 2]}}) == "gear_mesh [2], orders 1, 2"

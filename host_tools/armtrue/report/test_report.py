@@ -1,4 +1,4 @@
-"""The page: whole, self-contained, in order, and honest about its input."""
+"""The page of a report: complete, self-contained, in order, and exact about its input."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ VOID = {"br", "hr", "input", "meta"}
 
 
 class Reader(HTMLParser):
-    """Notes what a page is made of, and that elements close in order."""
+    """Records the elements of a page and checks that they close in order."""
 
     def __init__(self, text: str) -> None:
         super().__init__(convert_charrefs=True)
@@ -86,7 +86,7 @@ def test_elements_close_in_order_and_ids_are_unique(read):
     assert Counter(read.ids).most_common(1)[0][1] == 1
 
 
-def test_sections_stand_in_order_and_links_lead_to_them(read):
+def test_sections_are_in_order_and_linked(read):
     assert [name for name in read.ids if name in SECTIONS] == SECTIONS
     assert {link.removeprefix("#") for link in read.links} == set(SECTIONS)
 
@@ -98,16 +98,16 @@ def test_headings_skip_no_level(read):
         assert after <= before + 1
 
 
-def test_nothing_comes_from_outside(text, read):
+def test_page_loads_nothing_from_outside(text, read):
     assert not [entry for entry in read.attributes if entry[1] in ("src", "srcset", "action", "data")]
     assert not re.search(r"https?://|url\(|@import|fetch\(|XMLHttpRequest|//cdn", text)
 
 
-def test_the_page_stays_small(text):
+def test_page_is_smaller_than_two_megabytes(text):
     assert len(text.encode()) < 2_000_000
 
 
-def test_every_chart_is_spoken(read):
+def test_every_chart_has_an_aria_label(read):
     charts = sum(1 for tag, name, value in read.attributes if name == "class" and value.split()[0] == "panel")
     spoken = [value for tag, name, value in read.attributes if tag == "svg" and name == "aria-label"]
     assert len(spoken) == charts
@@ -122,7 +122,7 @@ def test_rejected_rows_are_listed_by_their_row_in_the_file(text, report):
         assert f'<th scope="row">{entry["row"]}</th>' in listed
 
 
-def test_the_summary_says_what_was_added(text):
+def test_summary_names_the_added_effects(text):
     header = text[: text.index("<nav")]
     assert "gear_harmonics [3]" in header
     assert "backlash [2]" in header
@@ -130,14 +130,14 @@ def test_the_summary_says_what_was_added(text):
     assert "points to" not in header
 
 
-def test_the_summary_says_what_is_missing(report):
+def test_summary_names_the_missing_effect(report):
     first = page(gather([report.first.fit]))
     best = report.diagnoses[0].result["candidates"][0]
     assert f"The evidence points to {best['effect']} [{best['joints'][0]}]" in first[: first.index("<nav")]
 
 
-def test_every_step_has_its_diagnosis_with_its_own_evidence(text, report):
-    """The step between too, which nobody saved: what spoke for the second effect is seen."""
+def test_every_step_has_its_own_diagnosis_and_evidence(text, report):
+    """Also the intermediate step, which is not a saved fit: the evidence for the second effect is shown."""
     assert [diagnosis.step for diagnosis in report.diagnoses] == report.steps
     missing = text[text.index('<section id="candidates"') : text.index('<section id="added"')]
     plots = text[text.index('<section id="added"') : text.index('<section id="effects"')]
@@ -148,7 +148,7 @@ def test_every_step_has_its_diagnosis_with_its_own_evidence(text, report):
         assert f"<h3>{added}, after step {number}</h3>" in plots
 
 
-def test_each_added_effect_has_a_card_with_picture_formula_bound_and_evidence(text, report):
+def test_each_added_effect_has_a_complete_card(text, report):
     cards = text[text.index('<section id="effects"') :].split("</section>")[0].split("<figure>")[1:]
     added = [effect for step in report.steps for effect in step.added]
     assert [card.split("</h3>")[0] for card in cards] == [f"<h3>{effect}" for effect in added]
@@ -157,7 +157,7 @@ def test_each_added_effect_has_a_card_with_picture_formula_bound_and_evidence(te
             assert words in card
 
 
-def test_it_says_when_it_was_made_by_which_version_and_from_which_file(text, report):
+def test_header_names_date_version_and_data_file(text, report):
     header = text[: text.index("<nav")]
     checksum = hashlib.sha256(report.last.fit.data.file.read_bytes()).hexdigest()
     assert f"{datetime.datetime.now(datetime.UTC):%Y-%m-%d}" in header
@@ -167,7 +167,7 @@ def test_it_says_when_it_was_made_by_which_version_and_from_which_file(text, rep
     assert f"<code>{checksum}</code>" in text
 
 
-def test_the_glossary_explains_the_words_of_the_page_and_is_linked(text, read):
+def test_glossary_is_linked_and_has_only_words_of_the_page(text, read):
     assert read.links.count("#glossary") >= 3
     glossary = text[text.index('<section id="glossary"') :]
     assert "<b>held out</b>" in glossary or "<b>held-out" in glossary
@@ -175,7 +175,7 @@ def test_the_glossary_explains_the_words_of_the_page_and_is_linked(text, read):
     assert "<b>dead band</b>" not in glossary, "a word that the page does not use"
 
 
-def test_names_from_outside_cannot_break_the_page(fits, tmp_path):
+def test_names_from_files_are_escaped(fits, tmp_path):
     fit = Fit.load(fits[0].path)
     fit.document["robot"]["name"] = "</script><img src=x onerror=alert(1)>"
     fit.path = fits[0].path.with_name("<b>&.json")
@@ -185,14 +185,14 @@ def test_names_from_outside_cannot_break_the_page(fits, tmp_path):
     Reader(made)
 
 
-def test_a_report_of_one_fit_compares_with_the_nominal_arm(fits):
+def test_report_of_one_fit_compares_with_the_nominal_arm(fits):
     made = page(gather([fits[0]]))
     assert "from the nominal arm to the fit" in made
     assert "First step" not in made
 
 
 @pytest.mark.full
-def test_structure_that_no_effect_names_is_drawn(tmp_path):
+def test_unexplained_structure_is_drawn(tmp_path):
     step = {"effect": "custom", "name": "joint_step", "coordinate": "motor1", "joints": [2]}
     hidden = [{**step, "expression": "sign(q2 + 1.5)", "value": 1.5e-4}]
     made = fitted(tmp_path, {"arm": "cobot", "seed": 13, "hidden": hidden})
@@ -203,7 +203,7 @@ def test_structure_that_no_effect_names_is_drawn(tmp_path):
     assert text.index("Shape of what is left over", start) > start
 
 
-def test_data_that_moved_is_said_with_where_it_was_looked_for(fits, tmp_path):
+def test_missing_data_file_is_refused_with_the_paths_tried(fits, tmp_path):
     folder = tmp_path / "elsewhere"
     folder.mkdir()
     moved = Path(shutil.copy(fits[0].path, folder / "fit.json"))
@@ -221,8 +221,8 @@ def test_fits_of_different_measurements_are_refused(fits, tmp_path):
         gather([fits[0], other])
 
 
-def test_a_table_among_the_reasons_is_one_line(report):
-    """A table has hundreds of nodes: what they span says more than the first six."""
+def test_table_among_the_candidates_is_one_line(report):
+    """A table has hundreds of nodes: their range tells more than the first six values."""
     tables = [c for c in report.diagnoses[0].result["candidates"][:4] if c["effect"] == "transmission_pwl"]
     assert tables
     text = page(report)
@@ -235,19 +235,19 @@ def test_a_table_among_the_reasons_is_one_line(report):
     ("source", "words"),
     [("repeats", "from poses measured again"), ("none", "nothing recorded tells it")],
 )
-def test_the_summary_says_where_the_noise_floor_comes_from(fits, source, words):
+def test_summary_names_the_source_of_the_noise_floor(fits, source, words):
     fit = Fit.load(fits[0].path)
     fit.document["noise_floor"] = {**fit.document["noise_floor"], "source": source}
     header = page(gather([fit])).split("<nav")[0]
     assert f"<small>{words}</small>" in header
 
 
-def test_no_fit_is_refused(tmp_path):
+def test_report_without_any_fit_is_refused(tmp_path):
     with pytest.raises(InputError, match="found no fit"):
         write([], tmp_path / "report.html")
 
 
-def test_another_thermometer_is_in_the_ambiguity_set():
+def test_sensor_that_explains_as_much_is_in_the_ambiguity_set():
     def of(sensor: str, explained: float) -> dict[str, object]:
         return {
             "effect": "thermal_base",
@@ -265,7 +265,7 @@ def test_another_thermometer_is_in_the_ambiguity_set():
     assert "while they do not move together" in words
 
 
-def test_a_fit_that_could_not_be_scored_is_said_to_be_so(report):
+def test_fit_without_held_out_error_is_shown_as_not_scored(report):
     error = report.last.fit.document["error"]
     zero = dict.fromkeys(("mean_um", "rms_um", "p95_um", "max_um"), 0.0)
     unscored = {**error, "held_out": {**zero, "n": 0}}

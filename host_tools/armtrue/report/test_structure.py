@@ -1,4 +1,4 @@
-"""Dependences that no effect names: what is drawn of them, against what was simulated."""
+"""Unexplained structure: the curves that are drawn, compared with the simulated dependence."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from armtrue.report.page import page
 ARCSECOND = np.pi / 648000.0
 
 
-def test_two_variables_are_drawn_for_parts_of_the_second(heated):
+def test_dependence_on_two_variables_has_three_curves(heated):
     finding = next(f for f in heated.diagnoses[0].findings if f.entry["variable"] == "q1*dT_arm")
     assert finding.over == "joint 1 [°]"
     assert finding.along == "joint 2 [″]"
@@ -21,7 +21,7 @@ def test_two_variables_are_drawn_for_parts_of_the_second(heated):
     assert len(finding.parts) == 3
     assert [part.label.endswith(" K") for part in finding.parts] == [True] * 3
     slopes = [np.polyfit(part.means.centre, part.means.mean, 1)[0] for part in finding.parts]
-    # Cold, it does nothing; warm, it turns by tens of arcseconds from one side to the other.
+    # Cold, the error is flat over joint 1; warm, it changes by tens of arcseconds from one side to the other.
     assert abs(slopes[0]) < 0.3 * slopes[2]
     assert slopes[2] * 250.0 > 20.0
     rows = heated.last.fit.data.count
@@ -30,7 +30,7 @@ def test_two_variables_are_drawn_for_parts_of_the_second(heated):
     assert np.sum((heat > low) & (heat < high)) == pytest.approx(rows / 3, abs=0.05 * rows)
 
 
-def test_the_page_names_every_line_of_such_a_panel(heated):
+def test_page_names_every_curve_of_a_two_variable_panel(heated):
     text = page(heated)
     text = text[text.index('<section id="unexplained"') : text.index('<section id="parameters"')]
     finding = next(f for f in heated.diagnoses[0].findings if f.parts)
@@ -40,7 +40,7 @@ def test_the_page_names_every_line_of_such_a_panel(heated):
     assert "joint 2 [″]" in text
 
 
-def test_a_dependence_on_one_coordinate_comes_once(report):
+def test_duplicate_dependence_is_listed_once_per_coordinate(report):
     step = report.first
     entry = {
         "variable": "payload",
@@ -58,14 +58,14 @@ def test_a_dependence_on_one_coordinate_comes_once(report):
     assert found[0].y == pytest.approx([0.0, 10.0, 30.0])
 
 
-def test_a_dependence_on_nothing_recorded_is_words_alone(report):
+def test_dependence_on_nothing_recorded_is_not_drawn(report):
     entry = {"variable": "none recorded", "variables": [], "joints": [], "log10_p": -9.0, "shape": "scatter"}
     (found,) = findings_of(report.first, {"unexplained": [entry]})
     assert not found.drawn
     assert found.where == ""
 
 
-def test_variables_have_units_that_people_read(report):
+def test_variables_have_readable_units(report):
     fit: Fit = report.last.fit
     names = ("q2", "payload", "time", "dir3", "dT_arm", "tau3")
     units = [axis_of(fit, name)[1] for name in names]
@@ -74,6 +74,6 @@ def test_variables_have_units_that_people_read(report):
     assert state_variable(fit, "q2").values == pytest.approx(np.degrees(fit.data.columns["q2"]))
 
 
-def test_coordinates_have_words():
+def test_coordinates_are_named_in_words():
     words = [coordinate_words(name) for name in ("motor3", "base.rz", "link12.tx")]
     assert words == ["joint 3", "base, turn about z", "link 12, shift along x"]

@@ -1,4 +1,4 @@
-"""What `compensate` says of poses that do not reach their target, and of how far from it each one stays."""
+"""Notes of `compensate` on poses that miss their target, and the remaining error of each row."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def compensated(
 
 
 @pytest.mark.parametrize("engine", list(Engine))
-def test_arm_of_two_axes_is_said_to_have_too_few(tmp_path: Path, engine: Engine) -> None:
+def test_arm_of_two_axes_gets_a_note_that_it_has_too_few(tmp_path: Path, engine: Engine) -> None:
     fit = document([("link2.tx", "1", -3e-3)])
     fit["robot"]["kinematics"]["joints"].pop()
     fit["robot"]["links"] = []
@@ -43,7 +43,7 @@ def test_arm_of_two_axes_is_said_to_have_too_few(tmp_path: Path, engine: Engine)
 
 
 @pytest.mark.parametrize("engine", list(Engine))
-def test_three_axes_are_said_to_hold_no_attitude(tmp_path: Path, engine: Engine) -> None:
+def test_arm_of_three_axes_gets_a_note_on_its_attitude(tmp_path: Path, engine: Engine) -> None:
     joints = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
     note = compensated(tmp_path, document(SHORTER), joints, engine, full_pose=True).notes[0]
     assert note.endswith(
@@ -51,8 +51,8 @@ def test_three_axes_are_said_to_hold_no_attitude(tmp_path: Path, engine: Engine)
     )
 
 
-def test_double_engine_counts_poses_that_it_leaves_off_their_target(tmp_path: Path) -> None:
-    """The elbow stretched: the arm is 3 mm too short for the point."""
+def test_double_engine_counts_poses_that_miss_their_target(tmp_path: Path) -> None:
+    """With the elbow stretched, the arm is 3 mm too short for the point."""
     joints = np.zeros((5, 3))
     joints[:, 2] = [1.0, -0.322, -0.321, -0.320, -1.0]
     result = compensated(tmp_path, document(SHORTER), joints, Engine.DOUBLE)
@@ -62,7 +62,7 @@ def test_double_engine_counts_poses_that_it_leaves_off_their_target(tmp_path: Pa
     assert np.abs(result.joints - joints).max() < 0.32
 
 
-def test_double_engine_says_nothing_where_every_target_is_reached(tmp_path: Path) -> None:
+def test_double_engine_has_no_note_if_all_targets_are_reached(tmp_path: Path) -> None:
     joints = np.array([[0.1, 0.2, 1.0], [0.5, -0.2, 1.2]])
     assert compensated(tmp_path, document(SHORTER), joints, Engine.DOUBLE).notes == []
 
@@ -77,8 +77,8 @@ STRETCHED = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -0.322], [0.0, 0.0, -0.321], [
 
 
 @pytest.mark.parametrize("engine", list(Engine))
-def test_what_each_row_keeps_of_its_error_is_what_the_fitter_says(tmp_path: Path, engine: Engine) -> None:
-    """The elbow stretched in two rows: the arm is 3 mm too short for the point, whatever the engine does."""
+def test_remaining_error_of_each_row_matches_the_fitter(tmp_path: Path, engine: Engine) -> None:
+    """In two rows the elbow is stretched: the arm is 3 mm too short for the point, whatever the engine."""
     fit = document(SHORTER)
     result = compensated(tmp_path, fit, STRETCHED, engine)
     kept = result.remainder
@@ -90,7 +90,7 @@ def test_what_each_row_keeps_of_its_error_is_what_the_fitter_says(tmp_path: Path
     assert kept.rows.tolist() == [2, 3, 4, 5]
 
 
-def test_fixed_engine_says_which_row_keeps_most_of_its_error(tmp_path: Path) -> None:
+def test_fixed_engine_names_the_row_of_largest_remaining_error(tmp_path: Path) -> None:
     result = compensated(tmp_path, document(SHORTER), STRETCHED, Engine.FIXED)
     kept = result.remainder
     assert kept is not None
@@ -103,14 +103,14 @@ def test_fixed_engine_says_which_row_keeps_most_of_its_error(tmp_path: Path) -> 
     assert f"in row {farthest + 2};" in note
 
 
-def test_fixed_engine_says_nothing_of_rows_that_keep_next_to_nothing(tmp_path: Path) -> None:
+def test_fixed_engine_has_no_note_on_small_remaining_errors(tmp_path: Path) -> None:
     result = compensated(tmp_path, document(SHORTER), STRETCHED[[0, 3]], Engine.FIXED)
     assert result.notes == []
     assert result.remainder is not None
     assert 0.0 <= result.remainder.left_um.max() < 20.0
 
 
-def test_rounding_to_increments_is_part_of_what_is_left(tmp_path: Path) -> None:
+def test_remaining_error_includes_rounding_to_increments(tmp_path: Path) -> None:
     joints = STRETCHED[[0, 3]]
     compensated(tmp_path, document(SHORTER), joints, Engine.FIXED, increments=(1000.0,))
     rounded = compensate(tmp_path / "t.bin", tmp_path / "poses.csv", Engine.FIXED, quantise=True)
@@ -118,7 +118,7 @@ def test_rounding_to_increments_is_part_of_what_is_left(tmp_path: Path) -> None:
     assert rounded.remainder.left_um.max() > 100.0
 
 
-def test_tools_of_the_rows_are_told_apart(tmp_path: Path) -> None:
+def test_remaining_error_uses_the_tool_of_each_row(tmp_path: Path) -> None:
     fit = document(SHORTER)
     fit["flange_from_tool"] = {
         "near": {"xyz": [0.1, 0.0, 0.1], "rpy": [0.0, 0.0, 0.0]},
@@ -134,7 +134,7 @@ def test_tools_of_the_rows_are_told_apart(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("spoil", ["missing", "of another fit", "damaged"])
-def test_without_the_fit_it_is_said_that_nobody_knows_what_is_left(tmp_path: Path, spoil: str) -> None:
+def test_remaining_error_is_unknown_without_the_tables_fit(tmp_path: Path, spoil: str) -> None:
     compensated(tmp_path, document(SHORTER), STRETCHED, Engine.FIXED)
     beside = sidecar(tmp_path / "t.bin")
     if spoil == "missing":
@@ -149,8 +149,8 @@ def test_without_the_fit_it_is_said_that_nobody_knows_what_is_left(tmp_path: Pat
     )
 
 
-def test_a_row_for_which_the_fit_has_no_value_has_no_figure(tmp_path: Path) -> None:
-    """log(q1 + 5) beyond the limits of joint 1, where the table holds its last value and the model has none."""
+def test_row_for_which_the_fit_has_no_value_has_no_figure(tmp_path: Path) -> None:
+    """Beyond the limits of joint 1 the table holds its last value of log(q1 + 5), and the model has none."""
     joints = np.array([[0.1, 0.2, 1.0], [-5.5, 0.2, 1.0]])
     result = compensated(tmp_path, document([("motor2", "log(q1 + 5)", 1e-4)]), joints, Engine.FIXED)
     assert result.remainder is not None
@@ -171,10 +171,10 @@ def test_a_row_for_which_the_fit_has_no_value_has_no_figure(tmp_path: Path) -> N
         (30.0, 10.0, True),
     ],
 )
-def test_what_is_left_is_told_above_twenty_micrometres_and_five_per_cent(
+def test_remaining_error_is_noted_above_20_um_and_5_percent(
     left_um: float, uncorrected_um: float, is_told: bool
 ) -> None:
-    """Beside a row that keeps more, but a small part of a large error."""
+    """The other row keeps more, but only a small part of a large error."""
     kept = Remainder(np.array([2, 3]), np.array([400.0, left_um]), np.array([9000.0, uncorrected_um]))
     words = kept.words()
     assert bool(words) is is_told
@@ -185,7 +185,7 @@ def test_what_is_left_is_told_above_twenty_micrometres_and_five_per_cent(
         assert f"{left_um:.1f} µm of {uncorrected_um:.1f} µm, in row 3; " in words
 
 
-def test_rows_that_end_farther_off_than_they_were_are_counted() -> None:
+def test_rows_worse_than_uncorrected_are_counted() -> None:
     kept = Remainder(np.array([2, 3, 4]), np.array([1.0, 900.0, 400.0]), np.array([5.0, 300.0, 500.0]))
     assert kept.words() == (
         "2 of 3 rows keep more than 20 µm and 5 % of their error, by the fit: at most 900.0 µm of 300.0 µm, in row 3; "
@@ -195,8 +195,8 @@ def test_rows_that_end_farther_off_than_they_were_are_counted() -> None:
 
 @pytest.mark.quick("exp(-q1*q1)")
 @pytest.mark.parametrize("text", ["exp(-q1*q1)", "exp(-(q1-1)*(q1-1))", "exp(-q1*q1*q1*q1)"])
-def test_bell_curve_is_corrected_alike_by_both_engines(tmp_path: Path, text: str) -> None:
-    """Over limits so wide that the exponent comes down to -71 and less, where the curve is zero."""
+def test_bell_curve_is_corrected_equally_by_both_engines(tmp_path: Path, text: str) -> None:
+    """The limits are so wide that the exponent falls to -71 and below, where the curve is zero."""
     fit = document([("motor1", text, 5e-3), ("motor3", text, -2e-3)])
     for joint in fit["robot"]["kinematics"]["joints"]:
         joint["limits"] = [-7.0, 7.0]

@@ -1,4 +1,4 @@
-"""Every form of expression against NumPy, through the firmware's own evaluation; and what is refused."""
+"""Every form of expression, evaluated by the firmware and compared with NumPy; and those that are refused."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ EXACT = 5e-9
         "hat(q1, -1, 0, 2)", "hat(q2, 0, 0, 1)", "hat(q1, -1, 0.5, 1)*hat(q2, -1, 0, 1)", "hat(sin(q1), -0.5, 0, 0.5)",
     ],
 )  # fmt: skip
-def test_expressions_are_exact(text: str, worst_error: Worst) -> None:
+def test_compiled_expressions_match_numpy(text: str, worst_error: Worst) -> None:
     # tau2 is some hundred newton-metres.
     size = 1e-6 if any(name in text for name in ("tau", "gm", "bm", "u_", "ux_", "uy_", "up")) else 1e-4
     size *= 10.0 if text.startswith("u") else 1.0
-    tolerance = EXACT + (1e-8 if "hat" in text else 0.0)  # a hat's values have 14 bits
+    tolerance = EXACT + (1e-8 if "hat" in text else 0.0)  # values of a hat function have 14 bits
     assert worst_error([("motor2", text, size)]) < tolerance
 
 
@@ -45,7 +45,7 @@ def test_expressions_are_exact(text: str, worst_error: Worst) -> None:
      "sin(q2 + 0.3)/sqrt(1 + 0.4^2 - 2*0.4*cos(q2 + 0.3))", "atan2(sin(q1), 2 + cos(q1))",
      "sqrt(3 + sin(q1) + cos(q2))"],
 )  # fmt: skip
-def test_what_has_no_node_becomes_a_table_within_the_stated_error(text: str, worst_error: Worst) -> None:
+def test_function_without_a_node_becomes_an_accurate_table(text: str, worst_error: Worst) -> None:
     assert worst_error([("motor2", text, 1e-4)]) < 2e-8
 
 
@@ -57,7 +57,7 @@ def test_what_has_no_node_becomes_a_table_within_the_stated_error(text: str, wor
         "exp(-sin(q1)*sin(q1)*40)", "exp(-(q1^2)^2)",
     ],
 )  # fmt: skip
-def test_a_product_of_equal_factors_is_known_to_have_one_sign(text: str, worst_error: Worst) -> None:
+def test_product_of_equal_factors_is_known_to_have_one_sign(text: str, worst_error: Worst) -> None:
     """None of these grows beyond 1; with factors that could differ in sign most would pass 2^30, ten rad from zero."""
     assert worst_error([("motor2", text, 1e-4)], limits=(-6.0, 6.0)) < EXACT
 
@@ -71,7 +71,7 @@ def test_a_product_of_equal_factors_is_known_to_have_one_sign(text: str, worst_e
         ("-q1*q2*q1*q2", -36.0, 0.0), ("q1*q2", -6.0, 6.0), ("q1*(q1+1)", -4.0, 12.0), ("q1*(-q1)/2", -4.5, 0.0),
     ],
 )  # fmt: skip
-def test_range_of_a_power_is_that_of_one_factor(text: str, low: float, high: float) -> None:
+def test_range_of_a_power_follows_from_the_range_of_its_base(text: str, low: float, high: float) -> None:
     ranges = {"q1": (-1.0, 3.0), "q2": (-2.0, 2.0)}
     builder = Builder()
     compiler = Compiler(
@@ -82,7 +82,7 @@ def test_range_of_a_power_is_that_of_one_factor(text: str, low: float, high: flo
 
 
 @pytest.mark.parametrize("text", ["exp(q1*q1)", "exp(-q1*q2)", "exp(q1*q1*q1)"])
-def test_what_does_grow_is_still_refused(text: str) -> None:
+def test_exponential_that_grows_is_refused(text: str) -> None:
     fit = document([("motor2", text, 1e-4)])
     for joint in fit["robot"]["kinematics"]["joints"]:
         joint["limits"] = [-6.0, 6.0]
@@ -90,7 +90,7 @@ def test_what_does_grow_is_still_refused(text: str) -> None:
         export(fitted_arm(fit, "fit.json"), ExportOptions())
 
 
-def test_two_variables_become_a_grid_and_the_error_is_said() -> None:
+def test_function_of_two_variables_becomes_a_grid_with_a_note() -> None:
     arm = fitted_arm(document([("motor2", "atan2(1 + 0.3*q1, 3 + 0.2*q2)", 2e-5)]), "test")
     made = export(arm, ExportOptions())
     assert any("became a table" in note and "error at most" in note for note in made.notes)
@@ -108,7 +108,7 @@ def test_two_variables_become_a_grid_and_the_error_is_said() -> None:
         ("qr1", "nothing that a device knows"),
     ],
 )
-def test_what_cannot_be_represented_is_refused_by_name(text: str, words: str) -> None:
+def test_expression_that_cannot_be_represented_is_refused(text: str, words: str) -> None:
     arm = fitted_arm(document([("motor2", text, 1.0)]), "fit.json")
     with pytest.raises(InputError, match=words) as caught:
         export(arm, ExportOptions(), "fit.json")
@@ -123,7 +123,7 @@ def test_what_cannot_be_represented_is_refused_by_name(text: str, words: str) ->
         ([("link1.tx", "payload*u_2_3_m*1e9", 1.0)], "more than 0.5"),
     ],
 )
-def test_term_that_does_not_fit_names_its_effect_and_what_to_do(
+def test_too_large_term_is_refused_with_effect_and_remedy(
     terms: list[tuple[str, str, float]], words: str
 ) -> None:
     arm = fitted_arm(document(terms), "fit.json")
@@ -136,7 +136,7 @@ def test_term_that_does_not_fit_names_its_effect_and_what_to_do(
     assert "armtrue remove" in str(caught.value)
 
 
-def test_regressors_whose_sum_does_not_fit_name_their_coordinate() -> None:
+def test_too_large_sum_of_regressors_names_its_coordinate() -> None:
     arm = fitted_arm(document([("motor2", "u_2_3_m", 1.0)]), "fit.json")
     with pytest.raises(InputError, match=r"gravity regressors on motor2: .*armtrue remove"):
         export(arm, ExportOptions(), "fit.json")
@@ -148,9 +148,7 @@ def test_regressors_whose_sum_does_not_fit_name_their_coordinate() -> None:
 )
 @pytest.mark.parametrize("zero", ["tau1", "u_1_2_x", "u_1_3_m", "up_1"])
 @pytest.mark.parametrize("form", ["payload*{}", "{0}*abs({0})", "sin(q2)*{}*payload", "payload*({} + q2)"])
-def test_gravity_that_is_zero_but_for_rounding_counts_as_zero(
-    zero: str, form: str, worst_error: Worst
-) -> None:
+def test_gravity_load_that_is_only_rounding_counts_as_zero(zero: str, form: str, worst_error: Worst) -> None:
     beside = ("motor2", "payload*u_2_3_x", 1e-6)
     assert worst_error([beside, ("motor2", form.format(zero), 1e-6)]) < EXACT
     with_zero = export(
@@ -161,18 +159,18 @@ def test_gravity_that_is_zero_but_for_rounding_counts_as_zero(
     assert sections[0] == sections[1]
 
 
-def test_gravity_on_an_axis_that_leans_by_microradians_is_kept(worst_error: Worst) -> None:
+def test_gravity_load_on_an_axis_tilted_by_1_urad_is_kept(worst_error: Worst) -> None:
     gravity = [9.81e-6, 0.0, -9.81]
     assert worst_error([("motor2", "payload*u_1_3_x", 1e-2)], gravity=gravity) < 2e-8
 
 
-def test_payload_that_cannot_be_is_left_out() -> None:
+def test_payload_terms_are_left_out_if_its_maximum_is_zero() -> None:
     arm = fitted_arm(document([("motor2", "payload*tau2", 1e-8), ("motor2", "q2", 1e-4)]), "t")
     image = Image(export(arm, ExportOptions(payload_max_kg=0.0)).image)
     assert image.count(Section.TERMS) == 1
 
 
-def test_measured_torque_without_masses_is_refused() -> None:
+def test_gravity_torque_without_masses_is_refused() -> None:
     arm = fitted_arm(document([("motor2", "tau2", 1e-6)], links=[]), "fit.json")
     with pytest.raises(InputError, match="gives no masses"):
         export(arm, ExportOptions())
@@ -202,20 +200,20 @@ def test_waves_of_one_order_become_one_record() -> None:
     assert np.abs(amplitude * np.sin(17 * q + phase) - exact).max() < 1e-9
 
 
-def test_equal_parts_are_computed_once() -> None:
+def test_common_subexpression_is_computed_once() -> None:
     terms = [("motor1", "q1*q2 + 1", 1e-4), ("motor3", "2*q1*q2", 1e-4), ("link2.tx", "(q1*q2)*0.5", 1e-4)]
     image = Image(export(fitted_arm(document(terms), "test"), ExportOptions()).image)
     assert sum(node[0] is Node.PRODUCT for node in image.nodes()) == 1
 
 
-def test_like_terms_add_up_and_zero_is_left_out() -> None:
+def test_like_terms_are_summed_and_zero_terms_left_out() -> None:
     terms = [("motor1", "q1", 1e-4), ("motor1", "2*q1", 1e-4), ("motor2", "q2", 0.0)]
     image = Image(export(fitted_arm(document(terms), "test"), ExportOptions()).image)
     ((coordinate, _, _),) = image.terms()
     assert coordinate == "motor1"
 
 
-def test_coupled_and_sliding_arms(worst_error: Worst) -> None:
+def test_expressions_match_on_a_coupled_arm(worst_error: Worst) -> None:
     coupled = {"coupling": [{"joint": 3, "driving": 2, "ratio": -1.0}]}
     for text in ("tau2/1000", "sin(th3)", "sin(2*q3)", "th3"):
         assert worst_error([("motor3", text, 1e-4)], "motor3", **coupled) < EXACT

@@ -1,4 +1,4 @@
-"""What of a fit.json goes into tables."""
+"""The parts of a fit.json that go into tables."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def node(index: int, value: float, nodes: list[float], text: str) -> dict[str, o
     return {"name": "t", "effect": "transmission_pwl", "value": value, "terms": [term]}
 
 
-def test_nodes_become_a_table_and_missing_ones_are_not_covered() -> None:
+def test_nodes_form_a_table_and_missing_nodes_are_uncovered() -> None:
     nodes = [0.0, 0.5, 1.0, 1.5]
     fit = document([])
     fit["parameters"] += [
@@ -33,7 +33,7 @@ def test_nodes_become_a_table_and_missing_ones_are_not_covered() -> None:
     assert np.allclose(grid.evaluate({"q1": at}), [3e-4, 2e-4, 3e-4, 0.0, 1e-4])
 
 
-def test_a_term_that_is_no_hat_is_compiled_as_it_reads() -> None:
+def test_term_that_is_no_hat_function_stays_an_expression() -> None:
     fit = document([])
     fit["parameters"].append(node(1, 1e-4, [0.0, 0.5, 1.0], "hat(q1, 0, 0.5, 1)*dir1"))
     arm = fitted_arm(fit, "fit")
@@ -41,7 +41,7 @@ def test_a_term_that_is_no_hat_is_compiled_as_it_reads() -> None:
     assert arm.terms == {"motor1": {"hat(q1, 0, 0.5, 1)*dir1": 2e-4}}
 
 
-def test_what_belongs_to_the_measurement_is_left_out() -> None:
+def test_effects_of_the_measurement_are_left_out() -> None:
     fit = document([("motor1", "q1", 1e-4), ("base.tx", "time", 1e-9)])
     fit["parameters"][1] |= {"exported": False, "effect": "time_drift"}
     fit["effects_move_um"] = {"time_drift": 156.5}
@@ -50,7 +50,7 @@ def test_what_belongs_to_the_measurement_is_left_out() -> None:
     assert arm.skipped == {"time_drift": 156.5}
 
 
-def test_what_a_device_cannot_know_stays_behind_with_its_size() -> None:
+def test_effects_unknown_to_a_device_stay_behind_with_size() -> None:
     fit = document([("motor1", "dir1*(1 - 2*exp(-travel1/0.01))", -4e-5), ("motor2", "warm2_1000", 1e-4)])
     fit["parameters"][0] |= {"effect": "hysteresis"}
     fit["parameters"][1] |= {"exported": False, "effect": "self_heating"}
@@ -69,14 +69,14 @@ def test_what_a_device_cannot_know_stays_behind_with_its_size() -> None:
     assert any("hysteresis" in note and "23.1 µm" in note for note in notes)
 
 
-def test_a_term_on_one_of_several_reflectors_is_known_by_its_name() -> None:
+def test_term_of_one_of_several_reflectors_has_its_name() -> None:
     fit = document([("tool[1].tx", "q1", 1e-4), ("tool.ty", "q1", 2e-4)])
     pose = fit["flange_from_tool"].popitem()[1]
     fit["flange_from_tool"] = {"far": pose, "near": pose}
     assert list(fitted_arm(fit, "fit").terms) == ["tool[near].tx", "tool.ty"]
 
 
-def test_digest_follows_the_content_not_the_layout() -> None:
+def test_digest_depends_on_content_and_not_on_key_order() -> None:
     one, other = document([("motor1", "q1", 1e-4)]), document([("motor1", "q1", 1e-4)])
     other["parameters"][0] = dict(reversed(list(other["parameters"][0].items())))
     assert digest_of(one) == digest_of(other)
@@ -85,13 +85,13 @@ def test_digest_follows_the_content_not_the_layout() -> None:
 
 
 @pytest.mark.parametrize("missing", ["robot", "flange_from_tool", "measuring_from_base", "parameters"])
-def test_an_incomplete_fit_is_refused(missing: str) -> None:
+def test_incomplete_fit_is_refused(missing: str) -> None:
     fit = document([])
     del fit[missing]
     with pytest.raises(InputError, match=missing):
         fitted_arm(fit, "fit.json")
 
 
-def test_a_broken_expression_is_refused() -> None:
+def test_invalid_expression_is_refused() -> None:
     with pytest.raises(InputError, match="fit.json"):
         fitted_arm(document([("motor1", "__import__('os')", 1.0)]), "fit.json")

@@ -1,4 +1,4 @@
-"""Exponents, mantissas and angles."""
+"""Fixed-point fractions, mantissas and angles."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def test_mantissas_keep_thirty_bits_where_shifts_allow() -> None:
     assert mantissa_and_shift(0.0)[0] == 0
 
 
-def test_overflow_is_not_silent() -> None:
+def test_overflow_raises() -> None:
     with pytest.raises(OverflowError):
         to_fixed(16.0, 27)
 
 
-def test_angles_wrap() -> None:
+def test_angles_wrap_at_half_a_turn() -> None:
     assert wrapped_angle(0.25) == 2**30
     assert wrapped_angle(-0.25) == -(2**30)
     assert wrapped_angle(1.0) == 0

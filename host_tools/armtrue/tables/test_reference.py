@@ -1,4 +1,4 @@
-"""The double-precision reference against the fitter, which shares no code with it, and its inverse against itself."""
+"""The double-precision reference compared with the fitter (no shared code), and its inverse with its forward model."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def state(rows: int) -> tuple[np.ndarray, Surroundings, dict[str, np.ndarray]]:
 
 
 def as_deflected(reference: Reference, motor: np.ndarray, around: Surroundings) -> Standing:
-    """Where gravity acts on the fitted arm in its deflected position, as the fitter has it; a device does not."""
+    """The deflected frames at which gravity acts, as in the fitter; a device uses those of the nominal arm."""
     standing = reference.at_nominal(motor)
     for _ in range(30):
         coordinates = reference.coordinates(reference.state(motor, around, standing))
@@ -55,7 +55,7 @@ def as_deflected(reference: Reference, motor: np.ndarray, around: Surroundings) 
     return standing
 
 
-def test_forward_model_is_the_fitters() -> None:
+def test_forward_model_matches_the_fitter() -> None:
     fit = document(TERMS, coupling=[{"joint": 3, "driving": 2, "ratio": -1.0}])
     joints, around, columns = state(200)
     predicted = np.asarray(_core.predict(json.dumps(fit), columns))
@@ -64,7 +64,7 @@ def test_forward_model_is_the_fitters() -> None:
     assert np.abs(predicted - reached).max() < 1e-12
 
 
-def test_standard_dh_is_the_fitters() -> None:
+def test_forward_model_in_standard_dh_matches_the_fitter() -> None:
     fit = document(TERMS)
     fit["robot"]["kinematics"]["convention"] = "dh"
     joints, around, columns = state(200)
@@ -74,7 +74,7 @@ def test_standard_dh_is_the_fitters() -> None:
     assert np.abs(predicted - reached).max() < 1e-12
 
 
-def test_forward_model_with_loads_at_the_command_is_the_fitters() -> None:
+def test_forward_model_with_loads_at_command_matches_the_fitter() -> None:
     fit = document(TERMS) | {"statics": "nominal"}
     joints, around, columns = state(200)
     predicted = np.asarray(_core.predict(json.dumps(fit), columns))
@@ -94,8 +94,8 @@ def test_inverse_reaches_the_nominal_point() -> None:
     assert np.linalg.norm(reached[regular, :3, 3] - nominal[regular], axis=1).max() < 1e-10
 
 
-def test_inverse_of_loads_at_the_command_is_the_fitters() -> None:
-    """A spring that gives way by milliradians: at the target the loads would be others by 1 %."""
+def test_inverse_with_loads_at_command_matches_the_fitter() -> None:
+    """The springs yield by milliradians: loads at the target would differ by 1 %."""
     fit = document([("motor2", "tau2", 1e-4), ("motor3", "tau3", 2e-4)]) | {"statics": "nominal"}
     reference = Reference(fitted_arm(fit, "test"), "")
     joints, around, columns = state(300)
@@ -108,7 +108,7 @@ def test_inverse_of_loads_at_the_command_is_the_fitters() -> None:
     assert np.linalg.norm(reached[regular] - nominal[regular], axis=1).max() < 1e-10
 
 
-def test_corrected_arm_carries_nearly_what_the_nominal_one_does_at_the_target() -> None:
+def test_loads_of_the_nominal_arm_leave_under_a_thousandth_of_sag() -> None:
     fit = document([("motor2", "tau2", 1e-5), ("motor3", "tau3", 2e-5), ("link2.rx", "gmx2", 5e-6)])
     reference = Reference(fitted_arm(fit, "test"), "")
     joints, around, columns = state(300)
@@ -136,7 +136,7 @@ SHORTER = [("link2.tx", "1", -3e-3), ("link3.ty", "1", 2e-3), ("motor2", "1", 2e
 
 @pytest.mark.parametrize("rotation_length_m", [None, 0.25])
 @pytest.mark.parametrize("statics", ["deflected", "nominal"])
-def test_inverse_near_singularities_is_bounded_and_no_pose_gets_worse(
+def test_inverse_near_singularities_is_bounded_and_never_worse(
     rotation_length_m: float | None, statics: str
 ) -> None:
     fit = document([*SHORTER, ("motor3", "tau3", 2e-5)]) | {"statics": statics}
@@ -160,7 +160,7 @@ def test_inverse_near_singularities_is_bounded_and_no_pose_gets_worse(
     assert (off(corrected) <= off(joints) + 1e-12).all()
 
 
-def test_inverse_says_how_far_off_it_leaves_a_pose() -> None:
+def test_inverse_reports_the_remaining_error_of_each_pose() -> None:
     reference = Reference(fitted_arm(document(SHORTER), "test"), "")
     joints, around = stretched(300)
     found = reference.solve(joints, around)
@@ -173,13 +173,13 @@ def test_inverse_says_how_far_off_it_leaves_a_pose() -> None:
 
 
 @pytest.mark.parametrize(("rotation_length_m", "moved"), [(None, 3), (0.25, 3)])
-def test_coordinates_that_three_axes_move_are_three(rotation_length_m: float | None, moved: int) -> None:
+def test_three_axes_move_three_coordinates(rotation_length_m: float | None, moved: int) -> None:
     arm = fitted_arm(document([]), "test")
     tool = arm.chain.end @ arm.flange_from_tool[""]
     assert coordinates_moved(arm.chain, tool, rotation_length_m) == moved
 
 
-def test_jacobian_is_the_derivative() -> None:
+def test_jacobian_matches_finite_differences() -> None:
     reference = Reference(fitted_arm(document([]), "test"), "")
     joints, around, _ = state(20)
     pose, jacobian = reference.real(joints, around)

@@ -1,4 +1,4 @@
-"""Joints that turn further than once."""
+"""Joints with ranges of several turns, and prismatic joints with long travel."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from armtrue.tables.info import describe
 
 
 def with_last_joint(text: str, **changes: Any) -> Document:
-    """A fit with `text` on the last joint's motor side, that joint's row changed (None: the key left out)."""
+    """A fit with `text` on the last joint's motor side; `changes` replace keys of its row (None removes a key)."""
     fit = document([("motor3", text, 1e-4)])
     row = fit["robot"]["kinematics"]["joints"][2]
     row |= changes
@@ -71,7 +71,7 @@ def difference_rad(
 
 
 @pytest.mark.parametrize("text", ["q3", "q3*q3", "atan2(q3, 2)"])
-def test_without_limits_a_whole_turn_either_way_is_as_fitted(text: str) -> None:
+def test_joint_without_limits_matches_the_fit_within_one_turn(text: str) -> None:
     q3 = np.linspace(-2 * np.pi, 2 * np.pi, 41)
     assert np.abs(difference_rad(with_last_joint(text, limits=None), q3)).max() < 1e-8
 
@@ -81,7 +81,7 @@ def test_without_limits_a_whole_turn_either_way_is_as_fitted(text: str) -> None:
     "text", ["sin(q3)", "q3", "q3*q3/10", "th3", "cos(q3/8)", "sin(th3/8) + th3", "atan2(q3, 2)"]
 )
 @pytest.mark.parametrize("turns", [1.5, 2.006, 6.0])
-def test_angles_of_several_turns_are_as_fitted(text: str, turns: float) -> None:
+def test_angles_of_several_turns_match_the_fit(text: str, turns: float) -> None:
     end = 2.0 * np.pi * turns
     fit = with_last_joint(text, limits=[-end, end], offset=0.3)
     made = export(fitted_arm(fit, "fit"), ExportOptions())
@@ -89,7 +89,7 @@ def test_angles_of_several_turns_are_as_fitted(text: str, turns: float) -> None:
     assert np.abs(difference_rad(fit, np.linspace(-end, end, 241))).max() < 2e-8  # [rad], of 1e-4 a radian
 
 
-def test_table_of_a_joint_of_several_turns_is_as_fitted_and_named_by_its_angle() -> None:
+def test_table_over_several_turns_matches_the_fit() -> None:
     nodes = [-9.386874656979586, -3.0, 1.0, 5.0, 12.5]
     fit = with_table(nodes, limits=[-12.6, 12.6])
     assert np.abs(difference_rad(fit, np.linspace(-12.6, 12.6, 241))).max() < 1e-8
@@ -99,7 +99,7 @@ def test_table_of_a_joint_of_several_turns_is_as_fitted_and_named_by_its_angle()
     assert [axis["from"], axis["to"]] == pytest.approx([nodes[0], nodes[-1]], abs=1e-6)
 
 
-def test_link_angle_that_couplings_turn_further_than_its_own_motor_is_as_fitted() -> None:
+def test_link_angle_beyond_its_motor_by_coupling_matches_the_fit() -> None:
     fit = with_last_joint("th3", limits=[-6.0, 6.0])
     fit["robot"]["kinematics"]["joints"][1]["limits"] = [-6.0, 6.0]
     fit["robot"]["coupling"] = [{"joint": 3, "driving": 2, "ratio": -1.0}]
@@ -117,7 +117,7 @@ def test_table_beyond_the_limits_names_effect_angle_and_remedy() -> None:
     )
 
 
-def test_a_rail_that_is_too_long_is_refused() -> None:
+def test_prismatic_joint_with_too_long_travel_is_refused() -> None:
     fit = with_last_joint("q3", type="prismatic", limits=[0.0, 9.0])
     message = (
         "joint 3 has limits 0 to 9 m, expected within ±7.88 m, .*; give robot.yaml the limits of the part"
@@ -127,7 +127,7 @@ def test_a_rail_that_is_too_long_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("lead_m", "travel_m"), [(0.005, 3.0), (0.02, 0.5), (0.002, 7.8)])
-def test_waves_of_a_screw_are_as_fitted_all_along_a_rail(lead_m: float, travel_m: float) -> None:
+def test_screw_waves_match_the_fit_along_the_whole_travel(lead_m: float, travel_m: float) -> None:
     fit = with_last_joint(f"sin(2*pi*q3/{lead_m})", type="prismatic", limits=[0.0, travel_m])
     positions = np.linspace(0.0, travel_m, 4001)
-    assert np.abs(difference_rad(fit, positions)).max() < 1e-8  # [m], of 1e-4
+    assert np.abs(difference_rad(fit, positions)).max() < 1e-8  # [m]; the wave is 1e-4

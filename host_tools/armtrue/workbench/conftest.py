@@ -1,4 +1,4 @@
-"""Helpers of the workbench's tests: they send the server what its page sends."""
+"""Helpers of the workbench's tests: they start actions of the engine as its page does."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from armtrue.workbench.engine import Engine
 
 
 def finish(engine: Engine) -> None:
-    """Wait until what was begun is done."""
+    """Wait until the running action has ended."""
     end = time.monotonic() + 60.0
     while engine.task is not None:
         assert time.monotonic() < end
@@ -17,7 +17,7 @@ def finish(engine: Engine) -> None:
 
 
 def do(engine: Engine, action: str, **words: Any) -> str:
-    """Press a button and wait; what the page then says."""
+    """Start an action as its button does and wait; return the message that the page then shows."""
     engine.do(action, words)
     finish(engine)
     assert engine.failure == ""

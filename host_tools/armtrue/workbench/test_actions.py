@@ -1,4 +1,4 @@
-"""What the buttons do to the tree of models."""
+"""Actions on the tree of models, and the cards and lists that belong to them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def engine(tmp_path, monkeypatch) -> Engine:
 
 
 @pytest.mark.full
-def test_refine_goes_on_with_a_model_that_was_made_before(engine):
+def test_refine_reuses_a_model_that_the_tree_has_already(engine):
     do(engine, "add", candidate=0)
     do(engine, "undo")
     do(engine, "refine")
@@ -44,7 +44,7 @@ def test_refine_goes_on_with_a_model_that_was_made_before(engine):
     assert engine.session.path[1].number == 1
 
 
-def test_what_could_stand_in_the_place_of_an_effect_comes_in_the_order_that_is_said(engine):
+def test_replacements_are_listed_with_the_most_probable_first(engine):
     shown = swaps(engine.session, "0")
     assert "the most probable first" in shown
     candidates = engine.session.diagnosis_of(0)["candidates"]
@@ -53,7 +53,7 @@ def test_what_could_stand_in_the_place_of_an_effect_comes_in_the_order_that_is_s
     assert said == [chance(each) for each in probable]
 
 
-def test_card_says_one_probability(engine):
+def test_card_does_not_print_a_probability_of_100_percent(engine):
     first = engine.session.diagnosis_of(0)["candidates"][0]
     assert first["probability"] > 0.995
     assert "100 %, explains" in first["why"]

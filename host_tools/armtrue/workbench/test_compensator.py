@@ -1,4 +1,4 @@
-"""Who watches the device, and until when."""
+"""The end of the live view of the compensator."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import can
 from .compensator import Device
 
 
-def test_a_closed_device_is_not_watched_again() -> None:
+def test_closed_device_does_not_restart_its_live_view() -> None:
     opened: list[float] = []
 
     def open_bus() -> can.BusABC:

@@ -1,4 +1,4 @@
-"""The lock on a session: one workbench at a time, and none once its process has ended."""
+"""The lock on a session: one workbench at a time, until its process ends."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def other(tmp_path):
         process.kill()
 
 
-def test_session_that_another_workbench_holds_is_refused_with_what_to_do(other, tmp_path):
+def test_session_held_by_another_workbench_is_refused_with_advice(other, tmp_path):
     with pytest.raises(
         InputError,
         match=rf"open in another workbench \(process {other.pid}\).*Ctrl-C, or keep this one elsewhere with",
@@ -40,13 +40,13 @@ def test_session_that_another_workbench_holds_is_refused_with_what_to_do(other, 
         SessionLocks().hold(tmp_path / "session")
 
 
-def test_lock_of_a_killed_process_bars_nobody(other, tmp_path):
+def test_lock_ends_with_its_killed_process(other, tmp_path):
     other.kill()
     other.wait()
     SessionLocks().hold(tmp_path / "session")
 
 
-def test_folder_that_is_let_go_can_be_held_by_another(tmp_path):
+def test_released_folder_can_be_locked_by_another_workbench(tmp_path):
     one, other = SessionLocks(), SessionLocks()
     one.hold(tmp_path / "session")
     one.hold(tmp_path / "session")

@@ -1,4 +1,4 @@
-"""Each effect moves the tool as docs/model.md says: sign, size, axis and frame, seen at the tool."""
+"""Displacement of the tool by each effect, as stated in docs/model.md: sign, size, axis and frame."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ STRETCHED = np.radians([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
 
 
 def arm_with(entry, name="kr30", seed=0, **more):
-    """An arm in the measuring frame itself, reflector on the flange, with one effect and nothing else."""
+    """An arm at the origin of the measuring frame, reflector on the flange, with one effect only."""
     entry = {"effect": entry} if isinstance(entry, str) else dict(entry)
     effect, joints = entry.pop("effect"), entry.pop("joints", None)
     truth = build_effect(effect, joints, entry, context_of(Scenario(arm=name)), seed, "test")
@@ -39,7 +39,7 @@ def poses(name="kr30", count=40):
 
 
 def same_as_motor_shift(arm, shift, q, **columns):
-    """True where the effect does what moving the motors by `shift` (N, n) would do."""
+    """True if the effect moves the tool as a shift of the motors by `shift` (N, n) does."""
     columns = {key: np.asarray(value) for key, value in columns.items()}
     return np.allclose(arm.true_position(q, columns), arm.nominal_position(q + shift), atol=1e-12)
 
@@ -67,7 +67,7 @@ def test_compliance_of_a_parallelogram_follows_virtual_work():
     assert same_as_motor_shift(arm, shift, q)
 
 
-def test_hardening_spring_yields_less_than_its_slope():
+def test_hardening_spring_deflects_less_than_a_linear_one():
     soft = arm_with({"effect": "joint_compliance", "joints": [2], "value": 2e-6})
     hard = arm_with({"effect": "stiffness_nonlinear", "joints": [2]})
     both = soft.with_terms([*soft.terms, *hard.terms])
@@ -75,7 +75,7 @@ def test_hardening_spring_yields_less_than_its_slope():
     assert drops[0] < drops[1] < 0.0
 
 
-def test_bending_gives_way_to_the_moment():
+def test_bending_compliance_tips_axis_1_towards_the_overhang():
     arm = arm_with({"effect": "bending_compliance", "joints": [1], "cx": 4e-7, "cy": 4e-7})
     # Axis 1 is vertical: its bearing tips towards the overhang, whichever way the arm is turned.
     for turn in (0.0, 1.0, -2.0):
@@ -97,7 +97,7 @@ def test_base_tilts_towards_the_overhang():
     assert shift[2] < 0.0
 
 
-def test_balancer_torque_is_the_slope_of_its_springs_energy():
+def test_balancer_torque_is_minus_the_slope_of_spring_energy():
     spring = {
         "anchor": 0.15,
         "hook": 0.5,
@@ -116,7 +116,7 @@ def test_balancer_torque_is_the_slope_of_its_springs_energy():
     step = 1e-5
     torque = -(energy(q[:, 1] + step) - energy(q[:, 1] - step)) / (2 * step)
     assert same_as_motor_shift(arm, 1e-6 * torque[:, None] * unit(2), q)
-    # It carries the arm: against gravity on both sides of upright.
+    # The balancer acts against gravity on both sides of upright.
     gravity = arm.state(q).loads.motor_torque[:, 1]
     assert torque[0] * gravity[0] < 0.0
     assert torque[-1] * gravity[-1] < 0.0
@@ -158,7 +158,7 @@ def test_balancer_torque_is_the_slope_of_its_springs_energy():
         ),
     ],
 )
-def test_motor_side_errors(entry, shift):
+def test_motor_side_effect_equals_a_motor_shift(entry, shift):
     q = poses()
     assert same_as_motor_shift(arm_with(entry), shift(q)[:, None] * unit(4), q)
 
@@ -174,7 +174,7 @@ def test_transmission_depends_on_its_own_joint_only(shape):
     assert errors[0].max() > 2e-5
 
 
-def test_backlash_takes_the_side_of_the_approach_and_of_gravity():
+def test_backlash_follows_approach_direction_and_gravity():
     q = poses()
     side = np.where(np.arange(len(q)) % 2, 1, -1)
     arm = arm_with({"effect": "backlash", "joints": [2], "value": 7e-5, "load": 2e-5})
@@ -183,7 +183,7 @@ def test_backlash_takes_the_side_of_the_approach_and_of_gravity():
     assert same_as_motor_shift(arm, (2e-5 * gravity)[:, None] * unit(2), q)
 
 
-def test_readback_is_where_the_arm_stood_and_no_part_of_the_arm():
+def test_readback_is_an_effect_of_the_measurement_only():
     q = poses()
     behind = np.random.default_rng(3).normal(0.0, 2e-4, len(q))
     columns = {"qr2": q[:, 1] - behind}
@@ -192,7 +192,7 @@ def test_readback_is_where_the_arm_stood_and_no_part_of_the_arm():
     assert np.array_equal(arm.true_position(q, columns, measurement_effects=False), arm.true_position(q, {}))
 
 
-def test_heat_grows_every_length_once():
+def test_thermal_expansion_scales_each_length_once():
     arm = arm_with({"effect": "thermal_expansion", "value": 2e-5}, "lbr")
     upright = np.zeros((1, 7))
     total = 0.36 + 0.42 + 0.4 + 0.152
@@ -212,7 +212,7 @@ def test_expansion_scales_the_whole_arm_about_its_base(convention):
     assert np.allclose(grown, arm.nominal_position(q) * (1.0 + 12e-5), atol=1e-12)
 
 
-def test_warm_up_has_risen_by_two_thirds_after_its_time_constant():
+def test_warm_up_reaches_63_percent_after_its_time_constant():
     arm = arm_with(
         {"effect": "warm_up", "tau": 1800.0, "growth": 2e-4, **{f"motor{k}": 0.0 for k in range(1, 7)}}
     )
@@ -223,7 +223,7 @@ def test_warm_up_has_risen_by_two_thirds_after_its_time_constant():
     assert shift[2] == pytest.approx(2e-4 * np.linalg.norm(arm.nominal_position(q[:1])), rel=1e-9)
 
 
-def test_zero_drifts_with_temperature():
+def test_joint_zero_drifts_with_temperature():
     arm = arm_with({"effect": "thermal_joint_drift", "joints": [3], "value": 5e-6})
     q = poses()
     assert same_as_motor_shift(arm, 5e-6 * 8.0 * unit(3) + 0 * q, q, temp_arm=np.full(len(q), 28.0))
@@ -260,7 +260,7 @@ def test_linkage_turns_the_forearm_by_the_closed_loop():
     q = poses("irb2400")
     beta = 1.6707963267948966 + q[:, 2] - q[:, 1]
     turn = 1e-4 / 0.32 / np.sin(beta)
-    # To first order as axis 3 turned by that angle; the coupling passes a motor-3 angle straight on.
+    # To first order this is a turn of axis 3 by that angle; the coupling passes on motor 3's angle unchanged.
     assert np.allclose(arm.true_position(q), arm.nominal_position(q + turn[:, None] * unit(3)), atol=1e-6)
 
 
@@ -281,7 +281,7 @@ def test_grid_shifts_in_frame_1_by_its_nodes():
     assert moved(arm, middle)[0] == pytest.approx(mean, abs=1e-12)
 
 
-def test_torque_of_the_arm_as_it_stands_differs_at_second_order():
+def test_deflected_statics_differ_at_second_order():
     entry = {"effect": "joint_compliance", "joints": [2], "value": 1e-6}
     q = poses()
     nominal, deflected = (arm_with(entry, statics=s).true_position(q) for s in ("nominal", "deflected"))
@@ -291,7 +291,7 @@ def test_torque_of_the_arm_as_it_stands_differs_at_second_order():
     )
 
 
-def test_every_effect_of_the_contract_is_here_and_moves_some_arm():
+def test_every_effect_of_the_contract_exists_and_moves_an_arm():
     # Only arms with a passive joint have these (foreign/test_foreign.py).
     assert set(EFFECTS) - set(TRUTHS) - {"levelling_bars"} == {
         "base_frame",
@@ -332,7 +332,7 @@ def test_every_effect_of_the_contract_is_here_and_moves_some_arm():
         "time": np.full(count, 4000.0),
         "payload": np.full(count, 8.0),
     }
-    # test_more_effects.py has those that are not terms, or need more columns or another arm.
+    # test_more_effects.py tests effects that are not terms, or need more columns or another arm.
     elsewhere = {"mass_parameters", "gravity_direction", "thermal_gradient", "self_heating", "balancer_state"}
     elsewhere |= {
         "axis_straightness",
@@ -350,7 +350,7 @@ def test_every_effect_of_the_contract_is_here_and_moves_some_arm():
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_drawn_torsion_yields_and_never_exceeds_real_springs(name):
+def test_drawn_joint_compliance_is_within_realistic_limits(name):
     robot = nominal_robot(name)
     chain = Chain.from_robot(robot)
     q = poses(name)
@@ -364,7 +364,7 @@ def test_drawn_torsion_yields_and_never_exceeds_real_springs(name):
             assert np.abs(loads.motor_torque[:, k - 1] * term.value).max() < 2e-2
 
 
-def test_given_sizes_leave_the_other_draws_alone_and_scale_multiplies():
+def test_given_size_keeps_other_draws_and_scale_multiplies():
     drawn = {t.coordinate: t.value for t in arm_with({"effect": "link_geometry", "joints": [2]}).terms}
     given = {
         t.coordinate: t.value for t in arm_with({"effect": "link_geometry", "joints": [2], "tx": 1e-3}).terms
@@ -392,7 +392,7 @@ def test_given_sizes_leave_the_other_draws_alone_and_scale_multiplies():
         ({"effect": "residual_grid", "nodes": [4, 1, 4]}, "residual_grid: nodes"),
     ],
 )
-def test_mistakes_are_named(entry, message):
+def test_invalid_entry_is_named_in_the_error(entry, message):
     with pytest.raises(ScenarioError, match=message):
         arm_with(entry)
 

@@ -1,4 +1,4 @@
-"""The catalogue's later effects move the tool as the contract's table says, each for its own cause."""
+"""Displacement of the tool by the catalogue's later effects, as stated in the contract's table."""
 
 import numpy as np
 import pytest
@@ -14,14 +14,14 @@ Q = poses()
 GEOMETRY = ["base_frame", "tool_offset", "joint_offset", "link_geometry"]
 
 
-def test_cross_compliance_turns_each_axis_by_the_other_ones_torque():
+def test_cross_compliance_turns_each_axis_by_the_others_torque():
     arm = arm_with({"effect": "cross_compliance", "joints": [2, 3], "value": 1e-6})
     torque = arm.standing_state(Q).loads.motor_torque
     shift = 1e-6 * (torque[:, 2, None] * unit(2) + torque[:, 1, None] * unit(3))
     assert same_as_motor_shift(arm, shift, Q)
 
 
-def test_wrong_masses_change_torques_and_not_the_published_file():
+def test_wrong_masses_change_positions_and_not_robot_file():
     scenario = {
         "arm": "kr30",
         "seed": 3,
@@ -44,17 +44,17 @@ def test_wrong_masses_move_nothing_on_an_arm_without_springs():
     assert weighed.model["effects"] == GEOMETRY
 
 
-def test_gravity_out_of_level_is_an_arm_that_is_tilted():
+def test_tilted_gravity_loads_axis_1():
     entry = {"effect": "gravity_direction", "tilt": 3e-3}
     arm, level = (build_arm(Scenario(arm="kr30", believed=[], hidden=h)) for h in ([entry], []))
     assert np.linalg.norm(arm.heavy.gravity) == pytest.approx(9.81)
     assert np.arccos(-arm.heavy.gravity[2] / 9.81) == pytest.approx(3e-3, rel=1e-6)
-    # Axis 1 is upright on a level floor and feels no weight; out of level it does.
+    # On a level floor axis 1 is vertical and carries no gravity torque; on a tilted one it does.
     assert np.abs(level.standing_state(Q).loads.motor_torque[:, 0]).max() < 1e-9
     assert np.abs(arm.standing_state(Q).loads.motor_torque[:, 0]).max() > 1.0
 
 
-def test_a_wobbling_axis_comes_back_after_a_turn():
+def test_axis_wobble_repeats_after_a_full_turn():
     arm = arm_with({"effect": "axis_wobble", "joints": [1]})
     start, half = (arm.true_position(Q + turn * unit(1)) for turn in (0.0, np.pi))
     assert np.allclose(arm.true_position(Q + 2 * np.pi * unit(1)), start, atol=1e-12)
@@ -62,7 +62,7 @@ def test_a_wobbling_axis_comes_back_after_a_turn():
     assert not np.allclose(half - nominal, (start - arm.nominal_position(Q)) * [-1, -1, 1], atol=1e-6)
 
 
-def test_friction_lags_on_the_side_it_came_from_and_needs_travel_to_change_sides():
+def test_hysteresis_changes_sides_over_its_travel():
     sizes = {"travel": -1e-4, "load": 0.0, "theta0": 0.02}
     arm = arm_with({"effect": "hysteresis", "joints": [2], **sizes})
     count = len(Q)
@@ -71,14 +71,14 @@ def test_friction_lags_on_the_side_it_came_from_and_needs_travel_to_change_sides
         assert same_as_motor_shift(arm, np.full((count, 1), lag) * unit(2), Q, **columns)
 
 
-def test_coupling_harmonics_turn_the_driven_joint_by_waves_of_the_driving_one():
+def test_coupling_harmonics_turn_driven_joint_by_driving_angle():
     waves = {"sin1": 1e-4, "cos1": 0.0, "sin2": 0.0, "cos2": 5e-5}
     arm = arm_with({"effect": "coupling_harmonics", "joints": [5, 4], **waves})
     shift = 1e-4 * np.sin(Q[:, 3]) + 5e-5 * np.cos(2 * Q[:, 3])
     assert same_as_motor_shift(arm, shift[:, None] * unit(5), Q)
 
 
-def test_a_link_bends_by_the_difference_of_its_sides_alone():
+def test_thermal_gradient_depends_on_difference_of_sides_only():
     scenario = Scenario(arm="kr30", sensors=["arm", "top", "bottom"], hidden=["thermal_gradient"])
     arm = build_arm(scenario)
     alike = arm.true_position(Q, {"temp_top": np.full(len(Q), 31.0), "temp_bottom": np.full(len(Q), 31.0)})
@@ -87,13 +87,13 @@ def test_a_link_bends_by_the_difference_of_its_sides_alone():
     assert np.linalg.norm(apart - alike, axis=1).max() > 2e-5
 
 
-def test_sensors_on_both_sides_of_a_link_swing_apart():
+def test_top_and_bottom_sensors_differ_by_their_wave():
     campaign = simulate({"arm": "kr30", "sensors": ["arm", "top", "bottom"], "temperature": {"wave": 2.0}})
     assert np.std(campaign.data["temp_top"] - campaign.data["temp_bottom"]) > 0.5
     assert campaign.robot["temperature"]["sensors"] == ["arm", "top", "bottom"]
 
 
-def test_a_gas_balancer_pushes_harder_when_warm_and_rubs_against_the_motion():
+def test_balancer_state_adds_gas_pressure_and_friction():
     beside = {"compliance": 1e-6}
     entry = {"effect": "balancer_state", "pressure": 1 / 293, "friction": -0.05, **beside}
     arm = build_arm(Scenario(arm="kr30", believed=[{"effect": "gravity_balancer", **beside}], hidden=[entry]))
@@ -101,18 +101,18 @@ def test_a_gas_balancer_pushes_harder_when_warm_and_rubs_against_the_motion():
     twist = 1e-6 * (torque * 10 / 293 - 0.05 * np.abs(torque))
     count = len(Q)
     there = arm.true_position(Q, {"temp_arm": np.full(count, 30.0), "dir2": np.ones(count)})
-    # The balancer's torque is that at the commanded angle: moving the motor by hand must not move it along.
+    # The balancer's torque is that at the commanded angle: a motor error must not change it.
     motor = np.zeros_like(Q)
     motor[:, 1] = twist
     assert np.allclose(there, arm.true_position(Q, motor_error=motor), atol=1e-12)
 
 
-def test_a_balancers_state_without_a_balancer_is_refused():
+def test_balancer_state_without_a_balancer_is_refused():
     with pytest.raises(ScenarioError, match="joint 2 has no gravity_balancer"):
         build_arm(Scenario(arm="kr30", hidden=["balancer_state"]))
 
 
-def test_hardening_and_lost_motion_feel_what_the_balancer_takes_off_the_gear():
+def test_gear_load_is_gravity_torque_plus_balancer_torque():
     balancer = {"effect": "gravity_balancer", "compliance": 0.0}
     hardening = {"effect": "stiffness_nonlinear", "joints": [2], "square": -1e-8, "cube": 0.0}
     arm = build_arm(Scenario(arm="kr30", believed=[balancer], hidden=[hardening]))
@@ -121,21 +121,21 @@ def test_hardening_and_lost_motion_feel_what_the_balancer_takes_off_the_gear():
     assert np.abs(state["load2"]).mean() < 0.9 * np.abs(state["tau2"]).mean()
 
 
-def test_a_soft_zone_gives_way_about_zero_torque_and_no_further():
+def test_soft_zone_deflection_saturates_with_torque():
     zone = {"square": 0.0, "cube": 0.0, "soft": 1e-4, "soft_torque": 10.0}
     arm = arm_with({"effect": "stiffness_nonlinear", "joints": [2], **zone})
     torque = arm.standing_state(Q).loads.motor_torque[:, 1]
     assert same_as_motor_shift(arm, 1e-4 * np.tanh(torque / 10.0)[:, None] * unit(2), Q)
 
 
-def test_a_rail_is_crooked_sideways_and_not_along():
+def test_axis_straightness_has_no_term_along_the_rail():
     arm = build_arm(Scenario(arm="stanford", believed=[], hidden=["axis_straightness"]))
     assert {t.coordinate for t in arm.terms} == {f"link3.{c}" for c in ("tx", "ty", "rx", "ry", "rz")}
     with pytest.raises(ScenarioError, match="joint 2 turns"):
         build_arm(Scenario(arm="stanford", hidden=[{"effect": "axis_straightness", "joints": [2]}]))
 
 
-def test_an_effect_between_two_joints_wants_pairs():
+def test_pair_effect_with_a_single_joint_is_refused():
     context = context_of(Scenario(arm="kr30"))
     for effect in ("coupling_harmonics", "cross_compliance"):
         with pytest.raises(ScenarioError, match="expected pairs of different joints"):
@@ -143,7 +143,7 @@ def test_an_effect_between_two_joints_wants_pairs():
     assert context.parallel_pairs() == [[2, 3]]
 
 
-def test_a_scale_of_every_size_scales_what_is_no_term():
+def test_scale_multiplies_effects_that_are_not_terms():
     for entry in (
         "mass_parameters",
         "gravity_direction",

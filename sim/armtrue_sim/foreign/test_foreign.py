@@ -1,4 +1,4 @@
-"""Foreign truths are physics: each against what its own field says of it, and none has a form of the catalogue."""
+"""Foreign truths, physics in no form of the catalogue: each is compared with formulas of its own field."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from .levelling import Bars
 STIFFNESS = 2e5
 
 
-def test_dahls_friction_goes_to_full_on_the_side_of_motion():
+def test_dahl_friction_saturates_in_the_direction_of_motion():
     friction = dahl.friction(1, x0=0.01)
     for side in (1.0, -1.0):
         assert friction.advance(0.3, side * 10.0, 1.0) == pytest.approx(side, abs=2e-3)
@@ -23,8 +23,8 @@ def test_dahls_friction_goes_to_full_on_the_side_of_motion():
     assert friction.advance(0.4, 0.0, 5.0) == 0.4
 
 
-def test_dahls_friction_is_a_path_and_not_its_ends():
-    """In one go or in a hundred, the same; there and back, a loop: what small motions do is nearly elastic."""
+def test_dahl_friction_depends_on_path_and_not_on_step_size():
+    """One step equals a hundred small ones; there and back is a loop, which is nearly elastic for small motions."""
     friction = dahl.friction(1, x0=0.01)
     parts = 0.2
     for _ in range(100):
@@ -36,15 +36,15 @@ def test_dahls_friction_is_a_path_and_not_its_ends():
     assert large < -0.9
 
 
-def test_dahls_slope_is_that_of_his_equation():
+def test_dahl_friction_slope_matches_the_equation():
     friction = dahl.friction(1, x0=0.02)
     for f, side in ((0.5, 1.0), (-0.7, 1.0), (0.5, -1.0)):
         slope = (friction.advance(f, side * 1e-7, 1.0) - f) / (side * 1e-7)
         assert slope == pytest.approx((1.0 - f * side) ** 2 / 0.02, rel=1e-4)
 
 
-def test_a_beam_bends_as_the_integral_of_its_curvature():
-    """Slope and deflection of the outstretched upper arm, from moments at 4000 sections; nothing of the formulas."""
+def test_beam_matches_the_integral_of_its_curvature():
+    """Slope and deflection of the outstretched upper arm, from moments at 4000 sections, without the formulas."""
     arm = build_arm(Scenario(arm="kr30", believed=[]))
     q = np.zeros((1, 6))
     frames = arm.nominal_frames(q)
@@ -55,7 +55,7 @@ def test_a_beam_bends_as_the_integral_of_its_curvature():
     force, moment, weight = (part[0] for part in load)
     x = (np.arange(4000) + 0.5) * length / 4000
     rest = (length - x)[:, None]
-    # Beyond section x: the end's force and moment, and the weight of what is left of the link at half of the rest.
+    # Beyond section x: force and moment at the end, and the weight of the rest of the link, acting at its middle.
     sections = moment + np.cross(rest * axis, force) + np.cross(rest / 2.0 * axis, weight * rest / length)
     curvature = (sections - np.outer(sections @ axis, axis)) / STIFFNESS
     slope = curvature.sum(axis=0) * length / 4000
@@ -67,7 +67,7 @@ def test_a_beam_bends_as_the_integral_of_its_curvature():
     assert np.linalg.norm(sag) > 1e-5
 
 
-def test_a_beam_sinks_under_the_payload_and_twice_as_soft_twice_as_far():
+def test_beam_sag_grows_with_payload_and_scale():
     scenario = Scenario(arm="kr30", believed=[], hidden=["beam_bending"])
     arm = build_arm(scenario)
     q = np.zeros((1, 6))
@@ -82,7 +82,7 @@ def test_a_beam_sinks_under_the_payload_and_twice_as_soft_twice_as_far():
     assert np.allclose(twice.coordinates(arm, state, frames)[1], 2.0 * once)
 
 
-def test_beams_are_hung_where_links_are_long():
+def test_beam_choices_are_links_longer_than_200_mm():
     assert beam.choices("kr30") == [[1], [2], [3]]
     for arm in ("kr30", "irb2400", "cobot", "lbr"):
         context = context_of(Scenario(arm=arm))
@@ -90,7 +90,7 @@ def test_beams_are_hung_where_links_are_long():
             assert np.linalg.norm(context.chain.link_lengths[joint - 1]) > 0.2
 
 
-def test_teeth_are_twenty_waves_of_the_given_size():
+def test_tooth_waves_have_the_stated_count_and_rms():
     arm = build_arm(
         Scenario(arm="kr30", believed=[], hidden=[{"effect": "tooth_waves", "joints": [4], "size": 1e-4}])
     )
@@ -106,21 +106,21 @@ def test_teeth_are_twenty_waves_of_the_given_size():
     assert len(state.q) == 20000
 
 
-def test_gears_warm_by_their_own_duty_each_with_its_own_lag():
+def test_each_gear_warms_and_cools_with_its_own_lag():
     campaign = simulate({"arm": "kr30", "hidden": ["duty_heat"], "rests": {"count": 2, "seconds": 3000.0}})
     warm = {
         name: values for name, values in campaign.unrecorded.items() if name.startswith(("_gear", "_housing"))
     }
     assert len(warm) == 12
     for k in range(1, 7):
-        # What stands still cools: the gear sooner than its housing.
+        # In a rest both cool, the gear faster than its housing.
         left = [warm[name][80] / warm[name][79] for name in (f"_gear{k}", f"_housing{k}")]
         assert left[0] < left[1] < 1.0
     assert len({round(float(values[200]), 6) for values in warm.values()}) == 12
     assert campaign.hidden == [{"effect": "duty_heat", "joints": [1, 2, 3, 4, 5, 6]}]
 
 
-def test_an_uneven_circle_has_three_harmonics():
+def test_tracker_circles_have_three_harmonics():
     truth = EFFECTS["tracker_circles"]
     arm = build_arm(Scenario(arm="kr30", hidden=["tracker_circles"]))
     assert truth.joints(context_of(Scenario(arm="kr30"))) == []
@@ -130,7 +130,7 @@ def test_an_uneven_circle_has_three_harmonics():
 
 @pytest.mark.quick("dahl_friction", "tracker_circles")
 @pytest.mark.parametrize("name", TRUTHS)
-def test_every_truth_says_what_a_right_answer_is(name):
+def test_every_truth_states_its_causes_and_moves_the_arm(name):
     truth = TRUTHS[name]
     for arm in ("kr30", "irb2400", "cobot", "lbr"):
         for joints in truth.choices(arm):
@@ -148,7 +148,7 @@ def test_every_truth_says_what_a_right_answer_is(name):
             assert 1e-6 < np.sqrt(np.mean(shift**2)) < 5e-3
 
 
-def test_bars_close_and_keep_level_where_nothing_is_wrong():
+def test_perfect_bars_keep_level_and_wrong_bars_close():
     attitude = np.radians(np.linspace(-50.0, 50.0, 41))
     perfect = Bars(1.4, 0.35, -0.5 * np.pi)
     assert np.abs(perfect.tilt(attitude, np.zeros(41))).max() < 1e-12
@@ -162,7 +162,7 @@ def test_bars_close_and_keep_level_where_nothing_is_wrong():
     assert np.abs(ends) == pytest.approx(1.4 + 3e-4, abs=1e-12)
 
 
-def test_wrong_bars_tilt_as_their_first_order_says():
+def test_wrong_bars_tilt_matches_first_order_formula():
     """d = (bar - arm cos b) / (r sin b) - stands, b from the link to the short arm: 1/sin, cot and a constant."""
     attitude = np.radians(np.linspace(-40.0, 40.0, 31))
     size = 1e-3
@@ -182,8 +182,8 @@ def test_levelling_bars_turn_the_level_link_alone():
     assert np.all(np.abs(turned[3][:, 5]) < 3e-3)
 
 
-def test_waves_and_an_offset_do_nearly_all_that_wrong_bars_do():
-    """Why there is no effect of its own for them (docs/effects.md): 40 to 140 degrees between link and short arms."""
+def test_waves_and_offset_fit_wrong_bars_within_2_percent():
+    """Wrong bars need no effect of their own (docs/effects.md): 40 to 140 degrees between link and short arms."""
     attitude = np.radians(np.linspace(-50.0, 50.0, 101))
     waves = np.stack(
         [np.ones(101), *(wave(n * attitude) for n in (1, 2) for wave in (np.sin, np.cos))], axis=1

@@ -1,4 +1,4 @@
-"""The real arm stands where its springs and its weight are in balance, not where its file thinks that it hangs."""
+"""The simulated arm stands where its springs balance its real weight, not the weight that its file states."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ SPRING = {"effect": "joint_compliance", "joints": [2], "value": 3e-4}
 
 
 def energy(arm: Arm, q, payload, turn):
-    """Gravity's potential and the spring's, with the arm turned by `turn` beside q2."""
+    """Potential energy of gravity and of the spring, with axis 2 turned by `turn` from q2."""
     shifted = q + turn * np.eye(arm.chain.n)[1]
     frames = arm.nominal_frames(shifted)
     height = -payload * (arm.payload_point(frames) @ arm.heavy.gravity)
@@ -23,7 +23,7 @@ def energy(arm: Arm, q, payload, turn):
     return height + turn**2 / (2.0 * 3e-4)
 
 
-def test_a_soft_arm_stands_where_its_energy_is_least():
+def test_soft_arm_stands_at_minimum_energy():
     arm = build_arm(Scenario(arm="cobot", believed=[SPRING], unlike=["mass_parameters"]))
     q = simulate({"arm": "cobot", "poses": 30}).q
     payload = np.linspace(0.0, 4.0, len(q))
@@ -36,7 +36,7 @@ def test_a_soft_arm_stands_where_its_energy_is_least():
             assert beside > here
 
 
-def test_the_springs_turn_is_the_one_that_the_tool_shows():
+def test_tool_moves_by_the_deflection_of_the_spring():
     arm = build_arm(Scenario(arm="cobot", believed=[SPRING]))
     q = simulate({"arm": "cobot", "poses": 30}).q
     motor = np.zeros_like(q)
@@ -44,7 +44,7 @@ def test_the_springs_turn_is_the_one_that_the_tool_shows():
     assert np.allclose(arm.true_position(q), arm.with_terms([]).true_position(q + motor), atol=1e-11)
 
 
-def test_an_arm_that_its_springs_cannot_carry_is_refused():
+def test_arm_too_soft_to_stand_is_refused():
     with pytest.raises(ScenarioError, match="too soft to stand"):
         simulate({"arm": "cobot", "poses": 30, "believed": [SPRING | {"value": 0.1}]})
 
@@ -59,12 +59,12 @@ def test_measured_torques_are_those_of_the_standing_arm():
     }
     campaign = simulate(plan | {"unlike": ["mass_parameters"]})
     real = campaign.arm.standing_state(campaign.q, campaign.data)["tau2"]
-    # Drives repeat to microradians, so that the file's digits differ by no more than that.
+    # The file's torques differ only by the repeatability of the drives, some microradians.
     assert np.allclose(campaign.data["tau2"], real, atol=2e-3)
     assert not np.allclose(campaign.data["tau2"], simulate(plan).data["tau2"], atol=0.5)
 
 
-def test_slopes_are_taken_at_the_standing_arms_loads():
+def test_sensitivity_uses_the_loads_of_the_standing_arm():
     arm = build_arm(Scenario(arm="cobot", believed=[SPRING]))
     q = simulate({"arm": "cobot", "poses": 30}).q
     term = unit_term("motor2", "tau2")

@@ -33,7 +33,7 @@ def test_hat_is_flat_beyond_an_open_end_and_hats_sum_to_one():
     assert np.all(hats[3][x > 3.0] == 1.0)
 
 
-def test_variables_are_names_that_are_not_called():
+def test_variables_exclude_functions_and_constants():
     assert variables("q1*tanh(dT*q2/8) + pi") == {"q1", "q2", "dT"}
 
 

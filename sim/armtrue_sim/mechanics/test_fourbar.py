@@ -25,7 +25,7 @@ def unit(angle):
 
 
 def closure_residual(linkage, psi):
-    """Rod length that the pivots give minus the rod's length, in metres (N,)."""
+    """Distance between the rod's pivots minus the rod's length, in metres (N,)."""
     offset = np.array([linkage.pivot_x, linkage.pivot_y])
     tip = offset + (linkage.crank + linkage.crank_error) * unit(THETA2 + BETA)
     rocker = (linkage.crank + linkage.rocker_error) * unit(THETA2 + psi)
@@ -33,7 +33,7 @@ def closure_residual(linkage, psi):
     return np.linalg.norm(tip - driven, axis=-1) - (linkage.rod + linkage.rod_error)
 
 
-def test_a_perfect_parallelogram_changes_nothing():
+def test_perfect_parallelogram_keeps_the_rocker_angle():
     assert np.allclose(FourBar(0.32, 0.705, 1.67).rocker_angle(THETA2, BETA), BETA, atol=1e-13)
 
 
@@ -55,7 +55,7 @@ def test_first_order_formula_holds_in_the_limit():
     assert left[1] / left[0] == pytest.approx(0.01, rel=0.05)
 
 
-def test_arm_error_of_a_tenth_of_a_millimetre_turns_the_rocker_as_the_reading_says():
+def test_arm_error_of_0_1_mm_turns_the_rocker_by_52_arcsec():
     # Crank 0.4 m: 52 arcsec where beta is 90 degrees, 103 where it is 30.
     linkage = FourBar(0.4, 0.9, np.pi / 2, arm_error=1e-4)
     beta = np.radians([90.0, 30.0])

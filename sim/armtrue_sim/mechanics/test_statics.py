@@ -1,4 +1,4 @@
-"""Torques against virtual work: whatever the arm, they are minus the slope of the potential energy."""
+"""Torques against virtual work: on every arm they are minus the slope of the potential energy."""
 
 import numpy as np
 import pytest

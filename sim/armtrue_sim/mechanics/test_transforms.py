@@ -39,7 +39,7 @@ def test_quaternion_is_half_the_angle_and_has_positive_w():
     assert np.allclose(back, exp_so3(vectors), atol=1e-12)
 
 
-def test_pose_times_its_inverse_is_nothing():
+def test_pose_times_its_inverse_is_the_identity():
     pose = Pose.from_vector([0.1, -0.2, 0.3, 0.4, 0.5, -0.6])
     both = pose @ pose.inverse()
     assert np.allclose(both.rotation, np.eye(3))

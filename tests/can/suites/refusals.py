@@ -1,4 +1,4 @@
-"""Requests that CiA 301 refuses, and with which abort code: the same of every target and every client."""
+"""Requests that CiA 301 refuses, with their abort codes: the same for every target and client."""
 
 from __future__ import annotations
 

@@ -237,7 +237,7 @@ def test_pdo_04_to_19_tpdos_by_kind_and_state(
     target: Target, command: int, sends: bool, transmission: int, timer_ms: int, syncs: int
 ) -> None:
     enable_tpdo(target, transmission, timer_ms)
-    # An object that does not change by itself, so that what is sent was asked for.
+    # Map an object that does not change by itself: only the trigger under test sends the PDO.
     assert target.write(TPDO, 1, 0xC0000000 | TPDO_ID, 4) == 0
     assert target.write(TPDO_MAP, 0, 0, 1) == 0
     assert target.write(TPDO_MAP, 1, MAPPABLE_RO, 4) == 0
@@ -318,13 +318,13 @@ def test_pdo_22_mapping_by_the_procedure_of_the_standard(target: Target) -> None
         assert target.read(mapping, 1) == word
 
 
-def test_pdo_23_mapping_that_is_in_use(target: Target) -> None:
+def test_pdo_23_write_to_a_mapping_in_use_is_refused(target: Target) -> None:
     for communication, mapping, word in ((RPDO, RPDO_MAP, MAPPABLE_RW), (TPDO, TPDO_MAP, MAPPABLE_RO)):
         disable_pdo(target, communication)
         assert target.write(mapping, 1, word, 4) in (0x06010000, 0x06040041, GENERAL)
 
 
-def test_pdo_24_mapping_of_a_valid_pdo(target: Target) -> None:
+def test_pdo_24_mapping_change_of_a_valid_pdo_is_refused(target: Target) -> None:
     assert target.write(RPDO, 1, RPDO_ID, 4) == 0
     assert target.write(TPDO, 1, 0x40000000 | TPDO_ID, 4) == 0
     for mapping in (RPDO_MAP, TPDO_MAP):
@@ -332,7 +332,7 @@ def test_pdo_24_mapping_of_a_valid_pdo(target: Target) -> None:
 
 
 @pytest.mark.parametrize("case", ["pdo_25_too_many", "pdo_26_too_long"])
-def test_pdo_25_26_mappings_that_do_not_fit(target: Target, case: str) -> None:
+def test_pdo_25_26_mapping_beyond_the_pdo_size_is_refused(target: Target, case: str) -> None:
     allowed = (0x06020000, 0x06040041, 0x06040042)
     word = MAPPABLE_RO if case == "pdo_25_too_many" else 0x60640020
     disable_pdo(target, TPDO)
@@ -360,7 +360,7 @@ def test_pdo_25_26_mappings_that_do_not_fit(target: Target, case: str) -> None:
     ],
     ids=["pdo_27", "pdo_28", "pdo_29", "pdo_30", "pdo_32", "pdo_33"],
 )
-def test_pdo_27_to_33_what_may_be_mapped(
+def test_pdo_27_to_33_only_mappable_objects_can_be_mapped(
     target: Target, mapping: int, word: int, allowed: tuple[int, ...]
 ) -> None:
     disable_pdo(target, RPDO if mapping == RPDO_MAP else TPDO)
@@ -387,7 +387,7 @@ def test_od_01_every_object_by_its_access_type(target: Target) -> None:
             assert refusal.value.code == 0x06010001
             continue
         value = target.client.upload(*place)
-        # Mappings in use, and the two objects that ask for a word, are not written with what they hold.
+        # Not written back: mappings in use, and 0x1010 and 0x1011, which expect "save" and "load".
         is_mapping = 0x1600 <= leaf.index < 0x1800 or 0x1A00 <= leaf.index < 0x1C00
         is_command = leaf.index in (0x1010, 0x1011)
         if leaf.access_type == "rw" and not is_command and not (is_mapping and leaf.subindex > 0):
@@ -399,12 +399,12 @@ def test_od_01_every_object_by_its_access_type(target: Target) -> None:
 
 
 def test_od_05_no_object_has_a_sub_index_255(target: Target) -> None:
-    """It would tell the object's type; the EDS lists none."""
+    """Sub-index 255 would tell the object's type; the EDS lists none."""
     for index in (0x1000, 0x1018, 0x1600, 0x2013):
         assert target.abort_code(0x40, index & 0xFF, index >> 8, 255, 0, 0, 0, 0) == 0x06090011
 
 
-def test_od_06_limits_of_every_object_that_has_some(target: Target) -> None:
+def test_od_06_value_beyond_an_objects_limits_is_refused(target: Target) -> None:
     limited = [
         leaf
         for leaf in leaves(canopen.import_od(str(EDS), target.node_id))
@@ -422,7 +422,7 @@ def test_od_06_limits_of_every_object_that_has_some(target: Target) -> None:
 
 
 def test_od_02_communication_objects_hold_their_defaults(target: Target) -> None:
-    """0x1001, 0x1003 and 0x1018 sub 4 are no defaults: they tell what this device has seen and is."""
+    """Not compared: 0x1001 to 0x1003, which hold this device's state, and 0x1018 sub 4, its serial number."""
     for leaf in leaves(canopen.import_od(str(EDS), target.node_id)):
         place = (leaf.index, leaf.subindex)
         is_own = leaf.index in (0x1001, 0x1002, 0x1003) or place == (0x1018, 4)
@@ -432,8 +432,8 @@ def test_od_02_communication_objects_hold_their_defaults(target: Target) -> None
         assert leaf.decode_raw(value) == leaf.default, f"{leaf.index:04X} sub {leaf.subindex}"
 
 
-def test_emergency_01_02_03_at_rest(target: Target) -> None:
-    # If a test before this one sent a temperature, the device reports 0xFF12 until it is reset: no other came.
+def test_emergency_01_02_03_no_error_at_rest(target: Target) -> None:
+    # After a test that sent a temperature, the device reports 0xFF12 (no further one came) until it is reset.
     target.reset()
     assert target.read(0x1014, 0) == 0x80 + target.node_id
     assert target.read(0x1001, 0) == 0
@@ -441,7 +441,7 @@ def test_emergency_01_02_03_at_rest(target: Target) -> None:
     assert target.abort_code(0x40, 0x03, 0x10, 1, 0, 0, 0, 0) in (0x08000024, GENERAL)
 
 
-def test_emergency_04_05_06_a_pdo_without_data(target: Target) -> None:
+def test_emergency_04_05_06_pdo_without_data_is_reported(target: Target) -> None:
     assert target.write(RPDO, 1, RPDO_ID, 4) == 0
     target.nmt(NMT_START)
     target.quiet()
@@ -450,7 +450,7 @@ def test_emergency_04_05_06_a_pdo_without_data(target: Target) -> None:
     assert int.from_bytes(message[:2], "little") == 0x8210
     assert target.read(0x1001, 0) == message[2] == 0x11
     assert target.read(0x1003, 0) == 1
-    # The field: error code, and the first two of the manufacturer's bytes.
+    # The history entry: error code, then the first two manufacturer-specific bytes.
     assert target.read(0x1003, 1) == int.from_bytes(message[:2] + message[3:5], "little")
     target.send(RPDO_ID, bytes(8))
     assert target.expect(0x80 + target.node_id)[:3] == bytes(3), "over with the next whole one"
@@ -460,7 +460,7 @@ def test_synchronization_01_default_identifier(target: Target) -> None:
     assert target.read(0x1005, 0) == 0x80
 
 
-def test_synchronization_05_counter_overflow_that_is_none(target: Target) -> None:
+def test_synchronization_05_reserved_counter_overflow_is_refused(target: Target) -> None:
     """CiA 301, 7.5.2.22: 1 and 241 to 255 are reserved."""
     for value in (1, 241, 255):
         assert target.write(0x1019, 0, value, 1) in (0x06090030, 0x06090031, GENERAL)
@@ -494,9 +494,9 @@ def test_heartbeat_01_02_03_producer(target: Target) -> None:
     assert target.next_frame(0x700 + target.node_id, timeout_s=0.3) is None
 
 
-def test_heartbeat_05_consumer_is_content_with_heartbeats(target: Target) -> None:
+def test_heartbeat_05_received_heartbeats_cause_no_error(target: Target) -> None:
     for slot in (1, 8):
-        # A minute: no pause of this machine is taken for silence.
+        # One minute, so that no pause of this machine counts as a missing heartbeat.
         assert target.write(0x1016, slot, 0x00010000 * slot | 60_000, 4) == 0
         target.nmt(NMT_START)
         for _ in range(5):
@@ -508,7 +508,7 @@ def test_heartbeat_05_consumer_is_content_with_heartbeats(target: Target) -> Non
 def first_emergency(target: Target, within_s: float) -> int | None:
     """Wait for an emergency message, for `within_s` times the target's patience; its code, None if none comes.
 
-    0xFF12 is passed over: a test that ran earlier sent a temperature, and the device reports that no other came.
+    0xFF12 is ignored: an earlier test sent a temperature, and the device reports that no further one came.
     """
     give_up = time.monotonic() + within_s * target.patience
     while (rest := give_up - time.monotonic()) > 0:
@@ -519,7 +519,7 @@ def first_emergency(target: Target, within_s: float) -> int | None:
     return None
 
 
-def test_heartbeat_06_is_watched_for_from_the_first_on(target: Target) -> None:
+def test_heartbeat_06_supervision_starts_with_the_first_heartbeat(target: Target) -> None:
     time_s = 0.1 * target.patience
     assert target.write(0x1016, 1, 0x000A0000 | int(1000 * time_s), 4) == 0
     assert first_emergency(target, within_s=3.0 * time_s) is None
@@ -527,7 +527,7 @@ def test_heartbeat_06_is_watched_for_from_the_first_on(target: Target) -> None:
     assert first_emergency(target, within_s=3.0 * time_s) == 0x8130
 
 
-def test_heartbeat_07_silence_leaves_operational_and_return_is_reported(target: Target) -> None:
+def test_heartbeat_07_loss_leaves_operational_return_is_reported(target: Target) -> None:
     time_ms = int(100 * target.patience)
     assert target.write(0x1016, 1, 0x000A0000 | time_ms, 4) == 0
     target.nmt(NMT_START)
@@ -542,7 +542,7 @@ def test_heartbeat_07_silence_leaves_operational_and_return_is_reported(target: 
     assert target.expect(0x80 + target.node_id)[:2] == b"\0\0"
 
 
-def test_heartbeat_04_one_node_is_watched_once(target: Target) -> None:
+def test_heartbeat_04_second_consumer_entry_of_a_node_is_refused(target: Target) -> None:
     assert target.write(0x1016, 1, 0x000A0064, 4) == 0
     assert target.write(0x1016, 2, 0x000A00C8, 4) == 0x06040043
 
@@ -555,7 +555,7 @@ def test_state_01_pre_operational_has_sdo_and_no_pdo(target: Target) -> None:
     assert target.read(0x1000, 0)
 
 
-def test_state_02_operational_has_both(target: Target) -> None:
+def test_state_02_operational_has_sdo_and_pdo(target: Target) -> None:
     assert target.write(0x1808, 2, 1, 1) == 0
     assert target.write(0x1808, 1, 0x400001F8, 4) == 0
     target.nmt(NMT_START)
@@ -565,7 +565,7 @@ def test_state_02_operational_has_both(target: Target) -> None:
     assert target.read(0x1000, 0)
 
 
-def test_state_03_and_04_stopped_has_neither_and_only_nmt_leads_out(target: Target) -> None:
+def test_state_03_and_04_stopped_node_obeys_only_nmt(target: Target) -> None:
     assert target.write(0x1017, 0, 100, 2) == 0
     assert target.write(0x1808, 2, 1, 1) == 0
     assert target.write(0x1808, 1, 0x400001F8, 4) == 0
@@ -603,8 +603,8 @@ def test_resets_boot_from_every_state_into_the_defaults(target: Target, before: 
     assert target.read(0x1410, 1) == 0x80000000
 
 
-def test_od_stored_parameters_are_the_values_of_every_start(target: Target) -> None:
-    """CiA 301, 7.5.2.13 and 14; the words are "save" and "load", nothing else stores or restores."""
+def test_od_stored_parameters_are_loaded_at_every_start(target: Target) -> None:
+    """CiA 301, 7.5.2.13 and 14: only the word "save" stores, only "load" restores."""
     assert target.write(0x1010, 1, 0x65766174, 4) == 0x08000020
     assert target.write(0x1011, 1, 0x65766173, 4) == 0x08000020
     assert target.write(0x1014, 0, 0x80000000 | (0x80 + target.node_id), 4) == 0
@@ -623,7 +623,7 @@ def test_od_stored_parameters_are_the_values_of_every_start(target: Target) -> N
     assert (target.read(0x1014, 0), target.read(0x1410, 1)) == (0x80 + target.node_id, 0x80000000)
 
 
-def test_nmt_for_others_and_broadcast(target: Target) -> None:
+def test_nmt_for_another_node_is_ignored_broadcast_is_obeyed(target: Target) -> None:
     target.send(0, [NMT_STOP, target.node_id + 1])
     assert target.read(0x1000, 0)
     target.send(0, [NMT_STOP, 0])

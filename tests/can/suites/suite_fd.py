@@ -1,7 +1,7 @@
 # ruff: noqa: D103 -- a test says what it checks in its name
-"""The joint path where frames are CAN FD, or some are: 64 bytes, bit-rate switch and error state of every kind.
+"""The joint path with CAN FD frames, or FD and classic ones: up to 64 bytes, every bit-rate switch and error state.
 
-For targets whose lines carry FD frames; the emulated controllers are classic ones.
+For targets whose buses carry FD frames; the emulated controllers are classic ones.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ from target import ARRIVES_WITHIN_S, NMT_PREOPERATIONAL, NMT_START, Target
 AMPLITUDE = -TURN / 1024 / math.tau  # small_table's
 TARGET_POSITION, ACTUAL_POSITION, POSITION_OFFSET = 0x607A, 0x6064, 0x60B0
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
-DUMMIES = {8: 0x0005, 16: 0x0006, 32: 0x0007}  # CiA 301, 7.4.7: bytes of somebody else
+DUMMIES = {8: 0x0005, 16: 0x0006, 32: 0x0007}  # CiA 301, 7.4.7: bytes for another node
 KINDS = [(brs, esi) for brs in (False, True) for esi in (False, True)]
 
 
 @dataclass(frozen=True)
 class Part:
-    """One PDO of a layout: whose values lie in it one behind the other, and the frame that carries it."""
+    """One PDO of a layout: the axes whose values it holds, in this order, and the frame that carries it."""
 
     number: int  # of its PDO, from 0
     identifier: int
-    axes: tuple[int | str, ...]  # from 0, or as text: bits that are somebody else's
-    length: int  # of the frame; more than eight, or `fd`: a CAN FD frame
+    axes: tuple[int | str, ...]  # from 0; a text is a number of bits for another node
+    length: int  # of the frame in bytes; above 8, or with `fd`, a CAN FD frame
     fd: bool = False
 
     @property
     def is_fd(self) -> bool:
-        """Whether it is a CAN FD frame that carries it."""
+        """Whether a CAN FD frame carries it."""
         return self.fd or self.length > 8
 
     def words(self, index: int) -> list[int]:
-        """The mapping's entries for an object of the axes."""
+        """The mapping entries: the object `index` of each axis, dummies between them."""
         return [
             DUMMIES[int(axis)] << 16 | int(axis)
             if isinstance(axis, str)
@@ -63,7 +63,7 @@ class Part:
         return found
 
     def frame(self, values: Sequence[int], kind: tuple[bool, bool], noise: random.Random) -> can.Message:
-        """A frame with these values of all axes; every other byte is anything."""
+        """A frame with these values of its axes; all other bytes are random."""
         data = bytearray(noise.randbytes(self.length))
         for axis, at in self.places().items():
             struct.pack_into("<i", data, at, values[axis])
@@ -73,7 +73,7 @@ class Part:
         )  # fmt: skip
 
     def values(self, frame: can.Message) -> dict[int, int]:
-        """What a frame has of each axis."""
+        """The value of each axis in a frame."""
         return {axis: struct.unpack_from("<i", frame.data, at)[0] for axis, at in self.places().items()}
 
 
@@ -114,8 +114,8 @@ class Line:
         assert target.write(0x2000, 1, mode, 1) == 0
         target.nmt(NMT_START)
         assert target.read(0x2001, 2) & 1, "targets of all joints are mapped"
-        target.quiet(target.downstream, timeout_s=0.0)  # a full socket would lose the mark
-        self.through([])  # what was on its way
+        target.quiet(target.downstream, timeout_s=0.0)  # a full socket would drop the MARK frame
+        self.through([])  # frames still in transit
 
     def _map(self, base: int, part: Part, words: list[int], bits: int) -> None:
         write = self.target.write
@@ -127,7 +127,7 @@ class Line:
         assert write(base + part.number, 1, bits | part.identifier, 4) == 0
 
     def through(self, frames: Sequence[can.Message]) -> list[can.Message]:
-        """What reaches the drives' side of frames from the controller's, SYNC and a mark of nobody's around them."""
+        """Send SYNC, frames and MARK from the controller's side; those of the frames that reach the drives' side."""
         target = self.target
         target.send(SYNC)
         for frame in frames:
@@ -144,7 +144,7 @@ class Line:
                 got.append(frame)
 
     def cycle(self, joints: list[int], kind: tuple[bool, bool] = (True, False)) -> dict[int, int]:
-        """A set of targets; the correction of each axis, every other bit of its frames as it was sent."""
+        """Send a set of targets; the correction of each axis. All other bits must arrive as they were sent."""
         while True:
             sent = [part.frame(joints, kind, self.noise) for part in self.targets]
             if len(got := self.through(sent)) == len(sent):
@@ -181,7 +181,7 @@ def of_all(corrections: dict[int, int]) -> list[int]:
 
 @pytest.fixture
 def fd_target(target: Target) -> Iterator[Target]:
-    """With a table in force; afterwards as it was delivered, but for the table."""
+    """A target with a table in force; reset afterwards, with the table still installed."""
     install_table(target)
     yield target
     target.nmt(NMT_PREOPERATIONAL)
@@ -190,7 +190,7 @@ def fd_target(target: Target) -> Iterator[Target]:
 
 @pytest.fixture(params=list(TARGETS))
 def inline_fd(request: pytest.FixtureRequest, fd_target: Target) -> Line:
-    """Inline, the table blended in."""
+    """Inline mode, the table's correction blended in."""
     line = Line(fd_target, TARGETS[request.param], mode=1)
     if len(line.targets) > 1:
         sent = [part.frame(at_cycle(0), (False, False), line.noise) for part in line.targets]
@@ -200,16 +200,16 @@ def inline_fd(request: pytest.FixtureRequest, fd_target: Target) -> Line:
     return line
 
 
-def test_fd_targets_are_changed_in_their_own_bytes_and_nowhere_else(inline_fd: Line) -> None:
+def test_fd_targets_are_corrected_in_their_own_bytes_only(inline_fd: Line) -> None:
     for number, kind in enumerate(4 * KINDS, 40):
         joints = at_cycle(number)
-        # The correction follows at a limited rate of time, and blends out where this machine halted for too long.
+        # Repeated: the correction's rate is limited, and it blends out if this machine halted for too long.
         give_up = time.monotonic() + ARRIVES_WITHIN_S
         while (corrections := of_all(inline_fd.cycle(joints, kind))) != pytest.approx(wanted(joints), abs=2):
             assert time.monotonic() < give_up, f"{corrections}, expected {wanted(joints)}"
 
 
-def test_fd_feedback_comes_back_as_it_was_commanded(inline_fd: Line) -> None:
+def test_fd_feedback_at_corrected_targets_reads_as_commanded(inline_fd: Line) -> None:
     target = inline_fd.target
     joints = at_cycle(40)
     corrections = of_all(inline_fd.cycle(joints))
@@ -224,7 +224,7 @@ def test_fd_feedback_comes_back_as_it_was_commanded(inline_fd: Line) -> None:
         assert_same(target.passed_on(target.upstream), expected)
 
 
-def test_fd_every_other_frame_passes_bit_identical(inline_fd: Line) -> None:
+def test_fd_unrelated_frames_pass_bit_identical(inline_fd: Line) -> None:
     noise = inline_fd.noise
     places = [(0x456, False), (0x1ABCDE00, True), (inline_fd.targets[0].identifier, True), (0x1C0, True)]
     frames = [
@@ -247,7 +247,7 @@ def test_fd_every_other_frame_passes_bit_identical(inline_fd: Line) -> None:
             assert_same(target.passed_on(sink), sent)
 
 
-def test_fd_target_shorter_than_its_mapping_is_no_target(inline_fd: Line) -> None:
+def test_fd_target_shorter_than_its_mapping_is_dropped(inline_fd: Line) -> None:
     whole = inline_fd.targets[0]
     needed = max(whole.places().values()) + 4
     target = inline_fd.target
@@ -260,7 +260,7 @@ def test_fd_target_shorter_than_its_mapping_is_no_target(inline_fd: Line) -> Non
     assert inline_fd.through(sent) == []
     until_emergency(target, 0x8210)
     sent = [part.frame(at_cycle(41), (True, False), inline_fd.noise) for part in inline_fd.targets]
-    # One frame cannot be mixed with another cycle's; of several one could have been late.
+    # A set of one frame cannot mix two cycles. Of several frames one may be late, so the next set is withheld too.
     assert (inline_fd.through(sent) == []) == (len(sent) > 1)
     inline_fd.cycle(at_cycle(42))
 
@@ -281,13 +281,13 @@ def offset_fd(request: pytest.FixtureRequest, fd_target: Target) -> Line:
 
 
 def offset_cycle(line: Line, joints: list[int], held: list[int], kind: tuple[bool, bool]) -> int:
-    """Actual positions and targets of an arm that stands. The offsets that came go into `held`; how many frames.
+    """Send positions and targets of an arm at rest. Puts the offsets that come into `held`; the number of their frames.
 
-    The targets reach the drives' side as they were sent, whatever their kind.
+    All frames sent must reach the other side unchanged.
     """
     target = line.target
     stand = [joint + offset for joint, offset in zip(joints, held, strict=True)]
-    # The drives are upstream, beside the controller: what they say reaches the other side as it is.
+    # In offset mode the drives are upstream, beside the controller; their frames pass to the other side unchanged.
     feedback = [part.frame(stand, kind, line.noise) for part in FEEDBACK]
     for frame in feedback:
         target.upstream.send(frame)
@@ -314,7 +314,7 @@ def offset_cycle(line: Line, joints: list[int], held: list[int], kind: tuple[boo
                 frames += 1
 
 
-def test_fd_offsets_are_those_of_the_table_and_targets_pass(offset_fd: Line) -> None:
+def test_fd_offsets_follow_the_table_and_targets_pass_unchanged(offset_fd: Line) -> None:
     held = [0] * 6
     give_up = time.monotonic() + ARRIVES_WITHIN_S
     while offset_cycle(offset_fd, at_cycle(0), held, (True, False)) == 0:

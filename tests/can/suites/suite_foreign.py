@@ -1,5 +1,5 @@
 # ruff: noqa: D103 -- a test says what it checks in its name
-"""PyPI canopen against any target: what the other suites ask with our own client, by one that nobody here wrote."""
+"""PyPI canopen against any target: an independent client makes the requests that the other suites make with ours."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ WATCHED = 0x0A
 
 @pytest.fixture
 def foreign(target: Target) -> Iterator[canopen.RemoteNode]:
-    """Its view of the device; the line upstream is its own meanwhile."""
+    """PyPI canopen's view of the device; meanwhile it alone reads the upstream bus."""
     network = canopen.Network(target.upstream)
     network.notifier = can.Notifier(target.upstream, network.listeners, timeout=0.05)
     node = network.add_node(target.node_id, str(EDS))
     node.sdo.RESPONSE_TIMEOUT = ARRIVES_WITHIN_S
     yield node
-    gc.collect()  # a refused transfer of its ends with its object, by a request that waits for an answer
+    gc.collect()  # the client ends a refused transfer when its object is deleted, by a request that waits for an answer
     network.notifier.stop()
 
 
 def abort_code(ask: Callable[[], object]) -> int:
-    """What a request that is expected to be refused is refused with."""
+    """The abort code of a request that is expected to be refused."""
     with pytest.raises(canopen.SdoAbortedError) as refusal:
         ask()
     return int(refusal.value.code)
@@ -54,7 +54,7 @@ def command(node: canopen.RemoteNode, word: str) -> None:
     node.sdo.download(0x2012, 0, word.encode())
 
 
-def test_foreign_names_of_the_eds_are_those_of_the_device(foreign: canopen.RemoteNode) -> None:
+def test_foreign_reads_by_eds_names_match_the_device(foreign: canopen.RemoteNode) -> None:
     assert foreign.sdo["Device type"].raw == 0xFFFF0192
     assert foreign.sdo["Manufacturer device name"].raw == "Armtrue compensator"
     assert foreign.sdo["Identity object"]["Product code"].raw == int.from_bytes(b"ARMT", "big")
@@ -70,7 +70,7 @@ def test_foreign_reads_have_the_size_of_the_eds(foreign: canopen.RemoteNode) -> 
         for leaf in ([entry] if isinstance(entry, objectdictionary.ODVariable) else entry.values())
         if leaf.readable and leaf.data_type in sizes and leaf.index != 0x1003
     ]
-    for leaf in leaves[::7]:  # all of them, by our own client: od_01
+    for leaf in leaves[::7]:  # every seventh; od_01 reads all of them with our own client
         value = foreign.sdo.upload(leaf.index, leaf.subindex)
         assert len(value) == sizes[leaf.data_type], f"{leaf.index:04X} sub {leaf.subindex}"
 
@@ -113,12 +113,12 @@ def read_block(node: canopen.RemoteNode) -> bytes:
         return bytes(stream.read())
 
 
-def test_foreign_transfers_take_no_more_than_there_is_room_for(foreign: canopen.RemoteNode) -> None:
+def test_foreign_download_above_the_capacity_is_refused(foreign: canopen.RemoteNode) -> None:
     capacity = foreign.sdo["Table status"]["Capacity (bytes)"].raw
     assert abort_code(lambda: foreign.sdo.download(0x2010, 0, bytes(capacity + 1))) == 0x05040005
 
 
-def test_foreign_nmt_commands_are_obeyed_and_heard_of(foreign: canopen.RemoteNode) -> None:
+def test_foreign_nmt_commands_take_effect_and_show_in_heartbeats(foreign: canopen.RemoteNode) -> None:
     heard: list[int] = []
     foreign.nmt.add_heartbeat_callback(heard.append)
     foreign.sdo["Producer heartbeat time"].raw = 50
@@ -134,7 +134,7 @@ def test_foreign_nmt_commands_are_obeyed_and_heard_of(foreign: canopen.RemoteNod
         foreign.sdo["Producer heartbeat time"].raw = 50
 
 
-def test_foreign_heartbeats_are_missed_and_welcomed_back(foreign: canopen.RemoteNode, target: Target) -> None:
+def test_foreign_heartbeat_loss_and_return_are_reported(foreign: canopen.RemoteNode, target: Target) -> None:
     emergencies: list[canopen.emcy.EmcyError] = []
     foreign.emcy.add_callback(emergencies.append)
     foreign.sdo["Consumer heartbeat time"][1].raw = WATCHED << 16 | int(100 * target.patience)
@@ -146,7 +146,7 @@ def test_foreign_heartbeats_are_missed_and_welcomed_back(foreign: canopen.Remote
     assert emergencies[1].code == 0
 
 
-def test_foreign_pdo_mapping_by_its_own_procedure(foreign: canopen.RemoteNode) -> None:
+def test_foreign_pdo_mapping_by_the_clients_procedure(foreign: canopen.RemoteNode) -> None:
     tpdo = foreign.tpdo[9]
     tpdo.read()
     tpdo.clear()
@@ -160,7 +160,7 @@ def test_foreign_pdo_mapping_by_its_own_procedure(foreign: canopen.RemoteNode) -
     assert set(came) == {6}
 
 
-def test_foreign_table_upload_is_confirmed_and_a_worse_one_refused(
+def test_foreign_upload_installs_a_table_and_refuses_wrong_ones(
     foreign: canopen.RemoteNode, target: Target
 ) -> None:
     emergencies: list[canopen.emcy.EmcyError] = []

@@ -1,5 +1,5 @@
 # ruff: noqa: D103 -- a test says what it checks in its name
-"""The joint path on any target: corrected targets out, plain positions back, nothing where input is not whole."""
+"""The joint path on any target: corrected targets out, uncorrected positions back, no output for incomplete sets."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TURN = 1 << 20
 SYNC = 0x080
 OFFSET_IDS = (0x1A0, 0x2A0, 0x3A0)
 NO_RTR = 1 << 30
-MARK = 0x6E0  # nobody's
+MARK = 0x6E0  # an identifier that no node here uses
 
 
 def at_cycle(number: int) -> list[int]:
@@ -33,9 +33,9 @@ def send_targets(target: Target, joints: list[int], pairs: tuple[int, ...] = (0,
 
 
 def released(target: Target) -> dict[int, list[int]]:
-    """Joint targets by pair that reached the drives' side, of all that was sent before.
+    """Joint targets, by pair, that reached the drives' side of all that was sent before.
 
-    A frame that the device only passes on is sent behind: what has not come before it does not come.
+    MARK, which the device only passes on, is sent last: a target that has not come before it will not come.
     """
     target.send(MARK)
     found = {}
@@ -50,14 +50,14 @@ def released(target: Target) -> dict[int, list[int]]:
 
 
 def cycle(target: Target, joints: list[int], pairs: tuple[int, ...] = (0, 1, 2)) -> dict[int, list[int]]:
-    """SYNC and targets; what came out."""
+    """Send SYNC and targets; the targets that came out."""
     target.send(SYNC)
     send_targets(target, joints, pairs)
     return released(target)
 
 
 def whole_cycle(target: Target, joints: list[int]) -> dict[int, list[int]]:
-    """A set that goes out. Where this machine halted the stream was interrupted: then it is sent again."""
+    """Send a set that must go out. If this machine halted, the stream was interrupted and the set is sent again."""
     while len(out := cycle(target, joints)) < 3:
         assert target.sets_excused > 0, f"of a whole set {out} went out, and nothing halted"
         target.sets_excused -= 1
@@ -65,9 +65,9 @@ def whole_cycle(target: Target, joints: list[int]) -> dict[int, list[int]]:
 
 
 def again_after_halts(scenario: Callable[[Target], None]) -> Callable[[Target], None]:
-    """A scenario that says of each set whether it goes out, on a stream that flows.
+    """Decorate a scenario that states for each set whether it goes out, which presumes an uninterrupted stream.
 
-    It is played again where it failed and this machine halted in it for longer than a stream may be silent.
+    It is repeated if it failed and this machine halted during it for longer than a stream may be silent.
     """
 
     @functools.wraps(scenario)
@@ -87,12 +87,12 @@ def again_after_halts(scenario: Callable[[Target], None]) -> Callable[[Target], 
 
 
 def withheld(target: Target, joints: list[int], pairs: tuple[int, ...] = (0, 1, 2)) -> bool:
-    """Whether nothing came out of a cycle."""
+    """Send a cycle; whether none of its targets came out."""
     return cycle(target, joints, pairs) == {}
 
 
 def install_table(target: Target) -> None:
-    """A new table in force, the node pre-operational."""
+    """Put a new table into force; the node is pre-operational afterwards."""
     target.nmt(NMT_PREOPERATIONAL)
     image = small_table(sequence=target.description.setdefault("sequence", 100) + 1)
     target.description["sequence"] += 1
@@ -109,10 +109,10 @@ BLENDS_WITHIN_S = 4 * ARRIVES_WITHIN_S
 
 
 def cycle_until(target: Target, state: int, one_cycle: Callable[[], object]) -> None:
-    """Cycles until the device's correction is in a state.
+    """Run cycles until the device's correction is in `state`.
 
-    Blending takes the time that the table says, by the device's own clock. No number of cycles ends it: they are as
-    fast as this machine lets them, and twenty of them may take less than twenty milliseconds.
+    Blending takes the time given in the table, on the device's own clock, not a number of cycles: cycles run as fast
+    as this machine can, and twenty of them may take less than twenty milliseconds.
     """
     give_up = time.monotonic() + BLENDS_WITHIN_S
     while (found := target.read(0x2001, 1)) != state:
@@ -144,7 +144,7 @@ def test_targets_are_corrected_by_the_table(inline: Target) -> None:
             assert math.copysign(1, delta) == -math.copysign(1, math.sin(2 * math.pi * joint / TURN))
 
 
-def test_feedback_comes_back_as_it_was_commanded(inline: Target) -> None:
+def test_feedback_at_corrected_targets_reads_as_commanded(inline: Target) -> None:
     joints = at_cycle(41)
     out = whole_cycle(inline, joints)
     inline.quiet()
@@ -154,7 +154,7 @@ def test_feedback_comes_back_as_it_was_commanded(inline: Target) -> None:
 
 
 @again_after_halts
-def test_a_lost_target_withholds_the_set_and_the_next(inline: Target) -> None:
+def test_lost_target_withholds_its_set_and_the_next(inline: Target) -> None:
     before = inline.read(0x2001, 8)
     assert withheld(inline, at_cycle(41), pairs=(0, 2))
     assert withheld(inline, at_cycle(42)), "the frame could have been late, not lost"
@@ -163,7 +163,7 @@ def test_a_lost_target_withholds_the_set_and_the_next(inline: Target) -> None:
 
 
 @again_after_halts
-def test_a_late_target_never_stands_for_its_successor(inline: Target) -> None:
+def test_late_target_is_not_used_in_the_next_set(inline: Target) -> None:
     assert withheld(inline, at_cycle(41), pairs=(0, 1))
     inline.send(SYNC)
     send_targets(inline, at_cycle(41), pairs=(2,))
@@ -174,7 +174,7 @@ def test_a_late_target_never_stands_for_its_successor(inline: Target) -> None:
 
 
 @again_after_halts
-def test_a_second_controller_is_noticed(inline: Target) -> None:
+def test_second_controllers_targets_are_dropped_and_reported(inline: Target) -> None:
     cycle(inline, at_cycle(41))
     send_targets(inline, [99, 98, 97, 96, 95, 94])
     assert released(inline) == {}
@@ -190,8 +190,8 @@ def test_a_repeated_target_changes_nothing(inline: Target) -> None:
 
 
 @again_after_halts
-def test_stopped_commands_are_reported_and_end_with_the_next(inline: Target) -> None:
-    # Written while commands come: short enough to be noticed, long enough for a slow emulator's cycle.
+def test_stopped_commands_are_reported_until_they_resume(inline: Target) -> None:
+    # The stale time-out, written while commands come: short for this test, longer than a slow emulator's cycle.
     assert inline.write(0x2000, 3, 900_000, 4) == 0
     cycle(inline, at_cycle(41))
     until_emergency(inline, 0xFF10)
@@ -202,7 +202,7 @@ def test_stopped_commands_are_reported_and_end_with_the_next(inline: Target) -> 
 
 
 def until_emergency(target: Target, code: int) -> None:
-    """Wait for an emergency of that code; a slow machine may have let another command come late before."""
+    """Wait for an emergency with this code; on a slow machine another late command may have caused others before."""
     for _ in range(6):
         emergency = target.expect(0x80 + target.node_id)
         if int.from_bytes(emergency[:2], "little") == code:
@@ -221,7 +221,7 @@ def test_pre_operational_holds_targets_back(inline: Target) -> None:
     assert len(cycle(inline, at_cycle(43))) == 3
 
 
-def test_every_other_frame_passes_bit_identical(inline: Target) -> None:
+def test_unrelated_frames_pass_bit_identical(inline: Target) -> None:
     frames = [
         can.Message(arbitration_id=0x77E - k, data=bytes(range(k, k + k % 9)), is_extended_id=False)
         for k in range(12)
@@ -246,7 +246,7 @@ def test_every_other_frame_passes_bit_identical(inline: Target) -> None:
             assert got.equals(sent, timestamp_delta=None, check_channel=False, check_direction=False)
 
 
-def test_disabling_in_motion_blends_out(inline: Target) -> None:
+def test_disabling_in_motion_blends_the_correction_out(inline: Target) -> None:
     numbers = itertools.count(41)
     deltas: list[list[int]] = []
 
@@ -270,7 +270,7 @@ def test_disabling_in_motion_blends_out(inline: Target) -> None:
 
 
 class OffsetDrives:
-    """Six ideal drives and their controller, beside the device: an offset stays until another comes."""
+    """Six ideal drives and their controller on the device's bus; a drive holds its offset until the next one comes."""
 
     def __init__(self, target: Target) -> None:
         self.target = target
@@ -278,7 +278,7 @@ class OffsetDrives:
         self.steps: list[int] = []  # largest change of an offset, frame by frame
 
     def listen(self) -> int:
-        """Take the offsets that were sent before now; how many frames."""
+        """Take the offsets sent so far; the number of frames."""
         frames = 0
         self.target.send(0x600 + self.target.node_id, [0x40, 0x01, 0x20, 0x03, 0, 0, 0, 0])
         while True:
@@ -297,7 +297,7 @@ class OffsetDrives:
             frames += 1
 
     def cycle(self, joints: list[int], *, feedback: bool = True) -> int:
-        """SYNC, actual positions of an arm that stands at the targets, targets; how many frames came."""
+        """Send SYNC, positions of an arm at rest at the targets, and targets; the number of offset frames that came."""
         self.target.send(SYNC)
         for pair, identifier in enumerate(FEEDBACK_IDS if feedback else ()):
             stand = [joints[k] + self.held[k] for k in (2 * pair, 2 * pair + 1)]
@@ -306,7 +306,7 @@ class OffsetDrives:
         return self.listen()
 
     def whole_cycle(self, joints: list[int]) -> None:
-        """A set that goes out, as `whole_cycle` above."""
+        """Send a set whose offsets must come, as `whole_cycle` above."""
         while (frames := self.cycle(joints)) < 3:
             assert self.target.sets_excused > 0, (
                 f"{frames} frames with offsets, expected 3, and nothing halted"
@@ -314,13 +314,13 @@ class OffsetDrives:
             self.target.sets_excused -= 1
 
     def begin(self, joints: list[int]) -> None:
-        """Stand until offsets come."""
+        """Send cycles at rest until offsets come."""
         give_up = time.monotonic() + ARRIVES_WITHIN_S
         while self.cycle(joints) == 0:
             assert time.monotonic() < give_up, "no offsets although the arm stands"
 
     def settle(self, joints: list[int]) -> None:
-        """Stand until the whole correction of this place is held."""
+        """Send cycles at rest until the drives hold the full correction at `joints`."""
         cycle_until(self.target, ACTIVE, lambda: self.whole_cycle(joints))
 
 
@@ -328,7 +328,7 @@ class OffsetDrives:
 def offset(target: Target) -> Iterator[OffsetDrives]:
     """Offset mode with a table in force, the correction settled at one place."""
     install_table(target)
-    target.reset()  # the table was tried inline, and that mode cannot be left while drives may hold a correction
+    target.reset()  # it was activated in inline mode, which cannot be left while drives may hold a correction
     for pair, identifier in enumerate(OFFSET_IDS):
         assert target.write(0x1800 + pair, 1, identifier | NO_RTR, 4) == 0
     target.configure(2)
@@ -353,7 +353,7 @@ def test_offsets_follow_the_table_once_for_each_set(offset: OffsetDrives) -> Non
     assert offset.listen() == 0, "no set, no offset"
 
 
-def test_leaving_operational_takes_the_offsets_back(offset: OffsetDrives) -> None:
+def test_leaving_operational_returns_the_offsets_to_zero(offset: OffsetDrives) -> None:
     offset.steps.clear()
     offset.target.nmt(NMT_PREOPERATIONAL)
     give_up = time.monotonic() + ARRIVES_WITHIN_S
@@ -363,7 +363,7 @@ def test_leaving_operational_takes_the_offsets_back(offset: OffsetDrives) -> Non
     assert max(offset.steps) <= 106, "0.1 turn per second"
 
 
-def test_disabling_at_rest_takes_the_offsets_back(offset: OffsetDrives) -> None:
+def test_disabling_at_rest_returns_the_offsets_to_zero(offset: OffsetDrives) -> None:
     offset.target.wait_until_quiet()
     held = list(offset.held)
     assert offset.target.write(0x2000, 2, 0, 1) == 0
@@ -378,9 +378,9 @@ def test_disabling_at_rest_takes_the_offsets_back(offset: OffsetDrives) -> None:
     assert offset.held == held
 
 
-def test_a_restart_begins_with_the_offsets_that_the_drives_hold(offset: OffsetDrives) -> None:
+def test_restarted_node_starts_from_the_offsets_in_the_drives(offset: OffsetDrives) -> None:
     target, held = offset.target, list(offset.held)
-    # What a power cut leaves: the node knows nothing, the drives hold what they held.
+    # As after a power cut: the node has lost its state, the drives still hold their offsets.
     target.nmt(NMT_PREOPERATIONAL)
     target.reset()
     for pair, identifier in enumerate(OFFSET_IDS):

@@ -1,5 +1,5 @@
 # ruff: noqa: D103 -- a test says what it checks in its name
-"""Tables on any target: their way onto the device, and everything that is refused on it."""
+"""Tables on any target: their upload and activation, and all that is refused on the way."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from target import NMT_PREOPERATIONAL, NMT_RESET_NODE, TARGET_IDS, Target
 
 
 def no_progress(_done: int, _total: int) -> None:
-    """Nobody waits."""
+    """Report no progress."""
 
 
 def next_sequence(target: Target) -> int:
-    """A number above those of all tables before."""
+    """A sequence number above those of all earlier tables."""
     target.description["sequence"] = target.description.setdefault("sequence", 100) + 1
     return int(target.description["sequence"])
 
@@ -60,7 +60,7 @@ def test_reset_ends_an_unconfirmed_trial(target: Target) -> None:
     assert held in (expected, confirmed)
 
 
-def test_revert_returns_to_the_table_before(target: Target) -> None:
+def test_revert_returns_to_the_previous_table(target: Target) -> None:
     confirmed = small_table(sequence=next_sequence(target))
     install(target, confirmed)
     install(target, small_table(sequence=next_sequence(target), amplitude=1 << 21), confirm=False)
@@ -76,7 +76,7 @@ def test_revert_returns_to_the_table_before(target: Target) -> None:
         ({"rate": 1 << 30}, 0x101),
     ],
 )
-def test_what_is_not_for_this_device_is_refused(target: Target, changes: dict[str, int], reason: int) -> None:
+def test_table_unfit_for_this_device_is_refused(target: Target, changes: dict[str, int], reason: int) -> None:
     target.device.stage(small_table(sequence=next_sequence(target), **changes), True, no_progress)
     with pytest.raises(DeviceRefusedError):
         target.device.command("vrfy")
@@ -102,7 +102,7 @@ def test_an_older_export_is_refused(target: Target) -> None:
         target.device.command("vrfy")
 
 
-def test_nothing_of_it_happens_while_joints_are_commanded(target: Target) -> None:
+def test_table_upload_is_refused_while_joints_are_commanded(target: Target) -> None:
     target.configure(1)
     # Longer than any pause of an emulator on a busy machine.
     assert target.write(0x2000, 5, 60_000, 4) == 0

@@ -18,10 +18,10 @@ from armtrue.device import SdoClient
 
 @dataclass(frozen=True)
 class Moment:
-    """Right behind the `count`th request of a kind, which is on the bus already, the program gets a signal.
+    """A signal that the program gets right after the `count`th request of a kind, which is on the bus by then.
 
-    The program does it to itself: whoever watches the bus to do it from outside loses frames on a loaded machine
-    (a socket keeps 277 of them, an upload has 1400) and comes too late on any.
+    The program signals itself: a watcher of the bus would lose frames on a loaded machine (a socket keeps 277 of
+    them, an upload has 1400) and signal too late on any.
     """
 
     how: signal.Signals
@@ -30,7 +30,7 @@ class Moment:
 
 
 def _signal_itself(moment: Moment) -> None:
-    """In this process, from now on."""
+    """Arm the moment in this process."""
     send = SdoClient._send
     left = moment.count
 
@@ -46,7 +46,7 @@ def _signal_itself(moment: Moment) -> None:
 
 
 class Running:
-    """`armtrue …` in a forked process: what the program does, without importing everything anew."""
+    """`armtrue …` in a forked process, which need not import everything again."""
 
     def __init__(self, *words: str | Path, moments: Sequence[Moment] = ()) -> None:
         self.command = ["armtrue", *map(str, words)]
@@ -55,7 +55,7 @@ class Running:
         if "--channel" not in words:
             self.command += ["--channel", "vcan0"]
         if "--timeout" not in words:
-            # Nobody whom a test asks is absent, only slow where the machine is loaded.
+            # Every node that a test asks is there, but may be slow on a loaded machine.
             self.command += ["--timeout", "30"]
         self._out, self._err = tempfile.TemporaryFile("w+"), tempfile.TemporaryFile("w+")  # noqa: SIM115
         self._child = os.fork()
@@ -86,12 +86,12 @@ class Running:
         os.kill(self._child, how)
 
     def wait_until_stopped(self) -> None:
-        """Until its next moment of SIGSTOP has come; fails where it ends before."""
+        """Wait until its next Moment of SIGSTOP has stopped it; fails if it ends first."""
         status = os.waitpid(self._child, os.WUNTRACED)[1]
         assert os.WIFSTOPPED(status), f"{self.command} ended before its moment, status {status}"
 
     def wait(self) -> subprocess.CompletedProcess[str]:
-        """Its end."""
+        """Wait for its end; its exit status and output."""
         status = os.waitstatus_to_exitcode(os.waitpid(self._child, 0)[1])
         self._out.seek(0)
         self._err.seek(0)

@@ -46,7 +46,7 @@ class InProcessNode:
         self._places = ctypes.addressof(self._request), ctypes.addressof(self._sent)
 
     def exchange(self, identifier: int, data: bytes) -> list[tuple[int, bytes]]:
-        """Give it a frame; what it sends before it waits for the next: identifiers and data."""
+        """Give it a frame; identifiers and data of the frames that it sends before it waits for the next."""
         _FRAME.pack_into(self._request, 0, identifier, len(data), data)
         request, sent = self._places
         count = self._exchange(self._node, request, EXCHANGE_US, sent, _ROOM)
@@ -64,7 +64,7 @@ class InProcessNode:
 
 
 class InProcessBus(can.BusABC):
-    """A python-can bus with one node at its end: what that answers has arrived when `send` returns."""
+    """A python-can bus to one node, whose answers have arrived when `send` returns."""
 
     def __init__(self, node: InProcessNode) -> None:
         super().__init__("in process")

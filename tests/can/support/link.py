@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def down(interface: str) -> Iterator[None]:
-    """Up again after the block, whatever happened in it: the tests behind it have the same bus."""
+    """Set it down for the block and up again in any case: later tests use the same bus."""
     link = [*([] if os.geteuid() == 0 else ["sudo", "-n"]), "ip", "link", "set", interface]
     subprocess.run([*link, "down"], check=True)
     try:

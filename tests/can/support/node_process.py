@@ -1,4 +1,4 @@
-"""The POSIX node as a test subject: started, known to be up, stopped, its state folder its own."""
+"""The POSIX node as a test subject: started until it has booted, stopped, with a state folder of its own."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class NodeProcess:
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self) -> None:
-        """Start it and wait for its boot-up message. Raises RuntimeError with its words if it ends."""
-        # Only that message: a full socket would lose it.
+        """Start it and wait for its boot-up message. Raises RuntimeError with its output if it does not boot."""
+        # Receive only that message: a full socket would drop it.
         wanted = [{"can_id": 0x700 + NODE_ID, "can_mask": 0x7FF, "extended": False}]
         with can.Bus(interface="socketcan", channel=self.upstream, can_filters=wanted) as bus:
             self._process = subprocess.Popen(self.command, stderr=subprocess.PIPE)

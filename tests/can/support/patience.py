@@ -1,4 +1,4 @@
-"""Transfers that a halt of this machine may end: the device gives a silent client up after two seconds, or one."""
+"""Transfers that a halt of this machine may abort: the device drops a silent client after 2 s, in a block after 1 s."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SERVER_WAITS_S = 1.0
 
 
 def again_if_halted(transfer: Callable[[], T]) -> T:
-    """The transfer's result; made again where it was refused after longer than the device waits for a client."""
+    """The transfer's result; repeated if it was aborted after longer than the device waits for a client."""
     for _ in range(4):
         begin_s = time.monotonic()
         try:

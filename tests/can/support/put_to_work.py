@@ -27,7 +27,7 @@ def put_to_work(bus: can.BusABC, mode: int, timeout_s: float) -> Compensator:
         client.download(0x1400 + pair, 1, identifier.to_bytes(4, "little"))
     for pair, identifier in enumerate(OFFSET_IDS if mode == OFFSET else ()):
         client.download(0x1800 + pair, 1, (NO_RTR | identifier).to_bytes(4, "little"))
-    for sub in (3, 4):  # a late cycle is a late cycle, not the end of the stream
+    for sub in (3, 4):  # a late cycle must not end the stream
         client.download(0x2000, sub, (1_000_000).to_bytes(4, "little"))
     client.download(0x2000, 1, bytes([mode]))
     bus.send(can.Message(arbitration_id=0, data=[1, NODE_ID], is_extended_id=False))

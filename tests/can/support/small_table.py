@@ -9,7 +9,7 @@ from armtrue.tables import layout
 from armtrue.tables.layout import Section
 
 _IDENTITY = (1 << 30, 0, 0, 0, 1 << 30, 0, 0, 0, 1 << 30)
-# 2^20 increments a turn, as in docs/table-format.md: 2^30 / 2^18 units of 2^-32 turn each, and back.
+# 2^20 increments a turn, as in docs/table-format.md: 2^30 / 2^18 units of 2^-32 turn per increment, and the inverse.
 _SCALE = (1 << 30, 1 << 30, 18, 42)
 
 

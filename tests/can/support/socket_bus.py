@@ -1,4 +1,4 @@
-"""The POSIX node's program on buses of our own: socket pairs that carry can_frame, so no kernel with CAN is needed."""
+"""The POSIX node's program on socket pairs that carry can_frame instead of buses: no kernel with CAN is needed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _TIMESPEC = struct.Struct("<qq")
 
 
 class SocketBus(can.BusABC):
-    """One end of a pair. A frame's `timestamp` is the kernel's, of when its sender's call sent it."""
+    """One end of a pair. A frame's `timestamp` is the kernel's, taken in the sender's call."""
 
     def __init__(self, end: socket.socket) -> None:
         super().__init__(channel="socket pair")

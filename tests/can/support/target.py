@@ -19,16 +19,16 @@ FOLDER = Path(__file__).with_name("targets")
 NMT_START, NMT_STOP, NMT_PREOPERATIONAL, NMT_RESET_NODE, NMT_RESET_COMMUNICATION = 1, 2, 128, 129, 130
 TARGET_IDS = (0x220, 0x320, 0x420)
 FEEDBACK_IDS = (0x1C0, 0x1C1, 0x1C2)
-# What is expected to come is waited for this long: only a failing test waits, however loaded the machine is.
+# How long an expected frame is awaited. Only a failing test waits this long, however loaded the machine is.
 ARRIVES_WITHIN_S = 30.0
 
 
 # Shorter than the set window and the stale time-out that `configure` writes: after such a pause of this machine, or of
 # the emulator on it, the device may rightly count the stream as interrupted.
 HALT_S = 0.3
-# So many sets may then stay out: the one that was interrupted, and the one that follows none that was whole.
+# Number of sets that may then be withheld: the interrupted one, and the next, which follows no complete set.
 SETS_LOST_BY_A_HALT = 2
-# Drives that have said nothing for a second of the device's own time count as disabled: a table can be committed then.
+# Drives that are silent for a second on the device's clock count as disabled: a table can be committed then.
 DRIVES_SILENT_MS = 1100
 
 
@@ -41,7 +41,7 @@ class Target:
         self.patience: float = description["patience"]
         self.has_fd: bool = description["fd"]
         self.upstream, self.downstream = upstream, downstream
-        self.drives_spoke = False  # since it was last waited for their silence
+        self.drives_spoke = False  # since the last wait for their silence
         self.at_work_s = time.monotonic()
         self.halts = 0
         self.sets_excused = 0
@@ -57,7 +57,7 @@ class Target:
         self.device = Compensator(self.client)
 
     def note_time(self) -> None:
-        """Called wherever a test sends or has received: a longer time between two calls is a halt of this machine."""
+        """Called at each send and receive: more than HALT_S between two calls is a halt of this machine."""
         now_s = time.monotonic()
         if now_s - self.at_work_s > HALT_S:
             self.halts += 1
@@ -93,7 +93,7 @@ class Target:
     def next_frame(
         self, identifier: int, bus: can.BusABC | None = None, timeout_s: float = 1.0
     ) -> bytes | None:
-        """As `expect`, None where no frame comes in a time that the device's patience stretches."""
+        """As `expect`, but None if no frame comes within `timeout_s` times the device's patience."""
         bus = bus or self.upstream
         give_up = time.monotonic() + timeout_s * self.patience
         while (rest := give_up - time.monotonic()) > 0:
@@ -103,14 +103,14 @@ class Target:
         return None
 
     def passed_on(self, bus: can.BusABC) -> can.Message | None:
-        """The next frame on a line that is no emergency message of the device (commands stop: this machine halts)."""
+        """The next frame except the device's emergency messages (commands stop when this machine halts)."""
         while (frame := bus.recv(ARRIVES_WITHIN_S)) is not None:
             if frame.arbitration_id != 0x80 + self.node_id or frame.is_extended_id:
                 return frame
         return None
 
     def quiet(self, bus: can.BusABC | None = None, timeout_s: float = 0.05) -> list[can.Message]:
-        """Everything that arrives until nothing has for a while, or 20 such whiles are over (heartbeats)."""
+        """All frames until none has come for `timeout_s` times the patience, or 20 times that is over (heartbeats)."""
         bus = bus or self.upstream
         frames = []
         give_up = time.monotonic() + 20 * timeout_s * self.patience
@@ -121,7 +121,7 @@ class Target:
         return frames
 
     def until_answered(self) -> list[can.Message]:
-        """Everything on the controller's line that was on its way before: what comes until a request is answered."""
+        """All frames in transit on the controller's line: those that come before the answer to an SDO request."""
         frames = []
         self.send(0x600 + self.node_id, [0x40, 0x00, 0x10, 0, 0, 0, 0, 0])
         while (frame := self.upstream.recv(ARRIVES_WITHIN_S)) is not None:
@@ -131,7 +131,7 @@ class Target:
         raise AssertionError(f"no answer within {ARRIVES_WITHIN_S:g} s")
 
     def expect_state(self, state: int) -> None:
-        """Heartbeats say this NMT state before long; fails where they do not."""
+        """Wait until heartbeats report this NMT state; fails if they do not."""
         give_up = time.monotonic() + ARRIVES_WITHIN_S
         last = None
         while time.monotonic() < give_up:
@@ -159,7 +159,7 @@ class Target:
     def reset(self, command: int = NMT_RESET_NODE) -> None:
         """Reset and wait for the boot-up message.
 
-        What nobody has read of both lines goes: a socket that holds 277 frames drops all that come after them.
+        Unread frames of both lines are discarded first: a socket that holds 277 frames drops all later ones.
         """
         self.quiet(timeout_s=0.0)
         self.quiet(self.downstream, timeout_s=0.0)
@@ -180,7 +180,7 @@ class Target:
         return int.from_bytes(self.client.upload(index, sub), "little")
 
     def wait_until_quiet(self) -> None:
-        """Until the device takes table commands again; it is told to do so after the shortest time it allows."""
+        """Wait until the device accepts table commands again; sets its quiet time to the shortest that it allows."""
         assert self.write(0x2000, 5, 100, 4) == 0
         give_up = time.monotonic() + ARRIVES_WITHIN_S
         while not self.device.is_quiet():

@@ -1,4 +1,4 @@
-"""A controller that moves axis by axis, and drives that obey another target, backwards or too far."""
+"""A controller that moves axis by axis, and drives that follow another axis' target, move backwards or too far."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def targets_at(cycle: int) -> list[int]:
 
 
 class Drives:
-    """Six position loops. `axis[k]` is the target that drive k obeys, `scale[k]` how far it goes for it."""
+    """Six position loops. Drive k follows `scale[k]` times the target of `axis[k]`."""
 
     def __init__(
         self, axis: tuple[int, ...] = (0, 1, 2, 3, 4, 5), scale: tuple[float, ...] = (1.0,) * 6
@@ -46,7 +46,7 @@ def cycle_frames(cycle: int, drives: Drives) -> list[tuple[int, bytes]]:
 
 
 def configure(client: SdoClient) -> None:
-    """Targets and actual positions where the drives have them."""
+    """Set the identifiers of the target and position PDOs to those of the drives."""
     for pair in range(3):
         client.download(0x1400 + pair, 1, TARGETS[pair].to_bytes(4, "little"))
         client.download(0x1408 + pair, 1, POSITIONS[pair].to_bytes(4, "little"))

@@ -1,7 +1,7 @@
-"""Runs the fault campaigns of tools/test.d/15-faults.full.sh and prints as three tables what they counted.
+"""Runs the fault campaigns of tools/test.d/15-faults.full.sh and prints their counts as three tables.
 
-python tests/firmware/faults/faults_report.py BUILD: the tables on standard output, what the campaigns say on
-standard error. Exit status 1 where one of them failed.
+python tests/firmware/faults/faults_report.py BUILD: the tables on standard output, the campaigns' output on
+standard error. Exit status 1 if one of them failed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SOAK_HOURS = {
 DRIVE_HOURS = {"inline mode": ["3600", "1", "inline"], "offset mode": ["3600", "1", "offset"]}
 TRANSFERS_OF_A_SIZE = 4  # there and back, segmented and in blocks
 
-# What a campaign prints, and how the table says it.
+# Pattern of a count in a campaign's output, and the text of its row.
 COUNTED = (
     (r"single power cuts: (\d+)",
      "power cut at every flash operation of commit, activate, confirm and revert: six histories, four "
@@ -79,7 +79,7 @@ def grouped(number: int) -> str:
 
 
 def find(pattern: str, said: str) -> str:
-    """The one thing that a campaign printed. Raises ValueError where it did not."""
+    """The only match of a pattern in the campaigns' output. Raises ValueError if there is none, or several."""
     found: list[str] = re.findall(pattern, said)
     if len(found) != 1:
         raise ValueError(f"no campaign printed '{pattern}', or several did")

@@ -1,4 +1,4 @@
-"""The tables of faults hold what the campaigns printed, and nothing where one of them did not say it."""
+"""The fault tables hold the campaigns' counts; a missing count is an error."""
 
 from __future__ import annotations
 
@@ -43,6 +43,6 @@ def test_every_campaign_has_its_row() -> None:
 
 
 @pytest.mark.parametrize("name", list(SAID))
-def test_a_campaign_that_says_nothing_is_an_error(name: str) -> None:
+def test_campaign_without_output_is_an_error(name: str) -> None:
     with pytest.raises(ValueError, match="no campaign printed"):
         faults_report.tables(SAID | {name: ""})

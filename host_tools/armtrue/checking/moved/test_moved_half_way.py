@@ -1,4 +1,4 @@
-"""A tracker that was moved, or a reflector that was exchanged, between two rows; and campaigns where nothing was."""
+"""Checks for a tracker moved, or a reflector exchanged, between two rows; no finding where nothing moved."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def with_points(data: Dataset, points: np.ndarray, **more: np.ndarray) -> Datase
 def tracker_moved(
     data: Dataset, shift_m: float, turn: float, first: int = 120, **more: np.ndarray
 ) -> Dataset:
-    """`data` (in order of time) as of a tracker that stands elsewhere from the entry `first` on."""
+    """`data` (in order of time) as measured by a tracker that was moved before the entry `first`."""
     points = data.positions_m.copy()
     points[first:] = points[first:] @ matrix_about("z", turn).T + [shift_m, 0.0, -shift_m / 2.0]
     return with_points(data, points, **more)
@@ -50,7 +50,7 @@ def steps(data: Dataset, robot: Robot) -> list[Finding]:
 @pytest.mark.parametrize(
     ("arm", "shift_m", "turn"), [("kr30", 5e-3, 2e-3), ("kr30", 1e-3, 2e-4), ("scara", 5e-4, 0.0)]
 )
-def test_moved_tracker_is_told_with_its_row_and_size(
+def test_moved_tracker_is_reported_with_row_and_size(
     campaign: Campaign, arm: str, shift_m: float, turn: float
 ) -> None:
     data, robot = campaign(arm)
@@ -62,13 +62,13 @@ def test_moved_tracker_is_told_with_its_row_and_size(
     size = np.sqrt((expected[120:] ** 2).sum(axis=1).mean())
     assert found.evidence["shift_m"] == pytest.approx(size, rel=0.2)
     assert "column 'station'" in found.remedy
-    # A fit is warned of it as well.
+    # A fit gives the same warning.
     warnings = refuse_what_cannot_be_an_arm(tracker_moved(data, shift_m, turn), robot)
     assert any("from row 122 on" in warning for warning in warnings)
 
 
 @pytest.mark.full
-def test_step_at_which_the_file_counts_a_set_up_is_no_finding_but_a_note(campaign: Campaign) -> None:
+def test_step_at_a_new_station_number_is_only_a_note(campaign: Campaign) -> None:
     data, robot = campaign()
     station = np.where(np.arange(data.count) < 120, 1.0, 2.0)
     moved = tracker_moved(data, 5e-3, 2e-3, station=station)
@@ -79,7 +79,7 @@ def test_step_at_which_the_file_counts_a_set_up_is_no_finding_but_a_note(campaig
     assert "effect station" in note.remedy
 
 
-def test_exchanged_reflector_is_told_from_a_moved_tracker(campaign: Campaign) -> None:
+def test_exchanged_reflector_is_reported_as_reflector_step(campaign: Campaign) -> None:
     data, robot = campaign()
     (found,) = steps(reflector_moved(data, robot, [3e-3, 4e-3, 0.0]), robot)
     assert (found.code, found.severity) == ("reflector_step", "warning")
@@ -88,7 +88,7 @@ def test_exchanged_reflector_is_told_from_a_moved_tracker(campaign: Campaign) ->
     assert "column 'nest'" in found.remedy
 
 
-def test_only_the_reflector_that_was_put_back_is_named(campaign: Campaign) -> None:
+def test_of_two_reflectors_only_the_moved_one_is_reported(campaign: Campaign) -> None:
     data, robot = campaign(targets={"names": ["A", "B"], "order": "cycle"})
     of_b = data.columns["target"] == data.labels["target"].index("B")
     moved = reflector_moved(data, robot, [0.0, 2e-3, 0.0]).positions_m
@@ -100,7 +100,7 @@ def test_only_the_reflector_that_was_put_back_is_named(campaign: Campaign) -> No
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [3, 11])
-def test_jump_of_metres_is_a_jump_and_no_sign_of_a_joint(campaign: Campaign, seed: int) -> None:
+def test_jump_of_metres_is_not_reported_as_a_joint_error(campaign: Campaign, seed: int) -> None:
     data, robot = campaign(seed=seed)
     far = tracker_moved(data, 1.5, 0.5)
     (found,) = [found for found in check(far, robot).findings if found.severity == "error"]
@@ -113,8 +113,8 @@ def test_jump_of_metres_is_a_jump_and_no_sign_of_a_joint(campaign: Campaign, see
     assert found.code == "reflector_step"
 
 
-def test_joint_that_lies_on_either_side_of_a_step_is_named(campaign: Campaign) -> None:
-    """An arm measured in order of a joint may jump where that joint passes, too."""
+def test_step_names_the_joint_that_separates_its_two_sides(campaign: Campaign) -> None:
+    """With rows in the order of a joint, the arm itself may also jump at that joint's angle."""
     data, robot = campaign()
     sorted_by = data.take(np.argsort(data.columns["q2"], kind="stable"))
     sorted_by.columns["time"] = np.arange(data.count) * 10.0
@@ -122,7 +122,7 @@ def test_joint_that_lies_on_either_side_of_a_step_is_named(campaign: Campaign) -
     assert "as joint 2 is on one side before and on the other after" in found.message
 
 
-def test_nothing_is_said_where_nothing_was_moved(campaign: Campaign) -> None:
+def test_no_step_is_reported_for_clean_or_slowly_drifting_data(campaign: Campaign) -> None:
     data, robot = campaign()
     assert steps(data, robot) == []
     hours = data.columns["time"] / 3600.0
@@ -132,7 +132,7 @@ def test_nothing_is_said_where_nothing_was_moved(campaign: Campaign) -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["q1", "q2", "payload", "temp_arm"])
-def test_nothing_is_said_of_poses_in_an_order_of_their_own(campaign: Campaign, name: str) -> None:
+def test_no_step_is_reported_for_rows_sorted_by_a_column(campaign: Campaign, name: str) -> None:
     data, robot = campaign()
     ordered = data.take(np.argsort(data.columns[name], kind="stable"))
     ordered.columns["time"] = np.arange(data.count) * 10.0
@@ -140,14 +140,14 @@ def test_nothing_is_said_of_poses_in_an_order_of_their_own(campaign: Campaign, n
 
 
 @pytest.mark.full
-def test_nothing_is_said_of_single_bad_points(campaign: Campaign) -> None:
+def test_no_step_is_reported_for_single_gross_errors(campaign: Campaign) -> None:
     data, robot = campaign()
     scattered = data.positions_m.copy()
     scattered[[30, 31, 150, 200]] += 0.02
     assert steps(with_points(data, scattered), robot) == []
 
 
-def test_too_few_rows_tell_nothing(campaign: Campaign) -> None:
+def test_no_step_is_reported_for_too_few_rows(campaign: Campaign) -> None:
     data, robot = campaign()
     few = data.take(np.arange(30))
     assert steps(tracker_moved(few, 5e-3, 2e-3, first=15), robot) == []

@@ -1,4 +1,4 @@
-"""Sigma that repeats contradict, coarse steps in the file, a loose reflector: each is said once, and only there."""
+"""Sigma that repeats contradict, rounded columns and a loose reflector: each gives one warning, good data none."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def quiet(campaign: Campaign) -> tuple[Dataset, Robot]:
     return data, robot
 
 
-def test_sigma_far_below_what_repeats_scatter_by_is_a_warning(quiet: tuple[Dataset, Robot]) -> None:
+def test_sigma_far_below_the_scatter_of_repeats_is_a_warning(quiet: tuple[Dataset, Robot]) -> None:
     data, robot = quiet
     (found,) = warnings(changed(data, sigma=np.full(data.count, 5e-7)), robot)
     assert found.code == "sigma_too_small"
@@ -41,23 +41,24 @@ def test_sigma_far_below_what_repeats_scatter_by_is_a_warning(quiet: tuple[Datas
     assert warnings(changed(data, sigma=np.full(data.count, 5e-6)), robot) == []
 
 
-def test_sigma_is_not_judged_by_repeats_under_other_loads(quiet: tuple[Dataset, Robot]) -> None:
+def test_sigma_is_not_compared_with_repeats_under_other_loads(quiet: tuple[Dataset, Robot]) -> None:
     data, robot = quiet
     under_others = changed(data, sigma=np.full(data.count, 5e-7), payload=np.linspace(0.0, 8.0, data.count))
     assert "sigma_too_small" not in [finding.code for finding in warnings(under_others, robot)]
 
 
-def test_positions_in_steps_of_a_tenth_are_told_with_their_cost_and_repeats_are_no_copies(
+def test_positions_rounded_to_tenths_of_mm_warn_of_added_noise(
     quiet: tuple[Dataset, Robot],
 ) -> None:
     data, robot = quiet
+    # Repeats whose rounded positions are equal are not reported as duplicates.
     (found,) = warnings(rounded(data, 1e-4, *"xyz"), robot)
     assert found.code == "rounded_positions"
     assert "steps of 0.1 mm, which alone add noise of 29 µm an axis" in found.message
     assert warnings(rounded(data, 1e-5, *"xyz"), robot) == []
 
 
-def test_rows_equal_in_every_column_stay_copies_where_positions_are_rounded(
+def test_equal_rows_are_duplicates_despite_rounded_positions(
     quiet: tuple[Dataset, Robot],
 ) -> None:
     data, robot = quiet
@@ -67,7 +68,7 @@ def test_rows_equal_in_every_column_stay_copies_where_positions_are_rounded(
     assert found.message.startswith("rows equal in every column stand more than once")
 
 
-def test_joints_in_steps_of_a_hundredth_degree_are_told_with_their_cost(quiet: tuple[Dataset, Robot]) -> None:
+def test_joints_rounded_to_hundredths_of_a_degree_warn_of_cost(quiet: tuple[Dataset, Robot]) -> None:
     data, robot = quiet
     joints = [f"q{k}" for k in range(1, 7)]
     (found,) = warnings(rounded(data, np.radians(0.01), *joints), robot)
@@ -77,7 +78,7 @@ def test_joints_in_steps_of_a_hundredth_degree_are_told_with_their_cost(quiet: t
     assert warnings(rounded(data, np.radians(0.0005), *joints), robot) == []
 
 
-def test_joints_that_the_arm_was_sent_to_in_steps_are_no_finding(quiet: tuple[Dataset, Robot]) -> None:
+def test_joints_commanded_in_round_steps_give_no_finding(quiet: tuple[Dataset, Robot]) -> None:
     data, robot = quiet
     sent = rounded(data, np.radians(0.5), *(f"q{k}" for k in range(1, 7)))
     reached = nominal_positions(sent, robot, robot.spec["base"], robot.spec["tool"])
@@ -85,7 +86,7 @@ def test_joints_that_the_arm_was_sent_to_in_steps_are_no_finding(quiet: tuple[Da
     assert warnings(changed(sent, **dict(zip("xyz", reached.T, strict=True))), robot) == []
 
 
-def test_reflector_that_is_loose_is_named_by_its_distances(campaign: Campaign) -> None:
+def test_loose_reflector_is_named_from_distances_to_the_others(campaign: Campaign) -> None:
     data, robot = campaign(seed=8, targets={"names": ["A", "B", "C"]})
     assert "loose_reflector" not in [finding.code for finding in warnings(data, robot)]
     loose = (data.columns["target"] == 1.0) & (np.arange(data.count) > data.count // 2)
@@ -96,10 +97,10 @@ def test_reflector_that_is_loose_is_named_by_its_distances(campaign: Campaign) -
     assert "between 'A' and 'C' holds to" in found.message
 
 
-def test_two_reflectors_are_compared_with_what_repeats_scatter_by(campaign: Campaign) -> None:
+def test_distance_of_two_reflectors_is_compared_with_repeats(campaign: Campaign) -> None:
     data, robot = campaign(seed=8, targets={"names": ["A", "B"]})
     assert "loose_reflector" not in [finding.code for finding in warnings(data, robot)]
-    # Loose at the poses that are not repeated.
+    # Loose only at the poses that are not repeated.
     _, of_row, sizes = np.unique(data.columns["repeat"], return_inverse=True, return_counts=True)
     loose = (data.columns["target"] == 1.0) & (sizes[of_row] == sizes.min())
     rng = np.random.default_rng(1)

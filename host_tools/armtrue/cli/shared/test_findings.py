@@ -1,4 +1,4 @@
-"""What `armtrue diagnose` prints, read as a person reads it."""
+"""Text that `armtrue diagnose` and `armtrue refine` print."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_each_coefficient_keeps_its_name_sign_sigma_and_unit():
     ]
 
 
-def test_the_nodes_of_each_table_are_one_line_beside_what_is_none():
+def test_parameter_lines_put_all_nodes_of_a_table_in_one_line():
     nodes = [
         parameter(f"transmission_pwl[{joint}].node{k}", joint * k * 1e-5, 1e-6, "rad")
         for joint in (2, 3)
@@ -120,7 +120,7 @@ def test_the_nodes_of_each_table_are_one_line_beside_what_is_none():
     ]
 
 
-def test_a_diagnosis_shows_separability_reasons_and_what_is_only_predicted(capsys):
+def test_diagnosis_shows_separability_reasons_and_predicted_error(capsys):
     lines = printed(RESULT, capsys)
     rows = {line[4:].split("  ")[0]: line.split() for line in lines if line[:2].strip().isdigit()}
     assert rows["gear_harmonics [3]"][3:5] == ["97", "%"]
@@ -140,7 +140,7 @@ def test_a_diagnosis_shows_separability_reasons_and_what_is_only_predicted(capsy
     assert "error on held-out poses: mean 69.9 µm, RMS 78.7 µm, 95 % 131.3 µm, max 229.2 µm" in lines
 
 
-def test_what_is_likely_there_beside_the_recommended_one_is_not_called_not_recommended(capsys):
+def test_candidates_above_50_percent_are_listed_as_missing(capsys):
     result = copy.deepcopy(RESULT)
     result["candidates"][1]["probability"] = 0.93
     result["candidates"][3]["probability"] = 0.51
@@ -151,7 +151,7 @@ def test_what_is_likely_there_beside_the_recommended_one_is_not_called_not_recom
     assert reasons[0] == "  · 3, 5: not significant among all that was tried"
 
 
-def test_where_nothing_is_missing_the_nearest_candidate_and_its_reason_stand_in_one_line(capsys):
+def test_nothing_missing_prints_nearest_candidate_and_its_reason(capsys):
     result = copy.deepcopy(RESULT)
     result.update(
         verdict="nothing_missing",
@@ -169,7 +169,7 @@ def test_where_nothing_is_missing_the_nearest_candidate_and_its_reason_stand_in_
     assert not any("separable" in line for line in lines)
 
 
-def test_structure_comes_before_the_candidates_and_once_for_each_variable(capsys):
+def test_structure_precedes_candidates_and_lists_a_variable_once(capsys):
     result = copy.deepcopy(RESULT)
     shape = {"log10_p": -30.0, "shape": "a joint function of q1 and q3", "joints": [1, 3]}
     result.update(
@@ -187,12 +187,12 @@ def test_structure_comes_before_the_candidates_and_once_for_each_variable(capsys
     assert at < next(k for k, line in enumerate(lines) if "separable" in line)
 
 
-def test_joints_in_a_row_are_a_range_and_pairs_are_not():
+def test_consecutive_joints_print_as_a_range_and_pairs_do_not():
     assert called({"effect": "thermal_expansion", "joints": [1, 2, 3, 4]}) == "thermal_expansion [1–4]"
     assert called({"effect": "joint_coupling", "joints": [3, 2]}) == "joint_coupling [3, 2]"
 
 
-def test_candidates_that_differ_in_their_thermometer_alone_are_told_apart(capsys):
+def test_candidates_that_differ_only_in_sensor_name_the_sensor(capsys):
     result = copy.deepcopy(RESULT)
     hot = [
         candidate("thermal_base", [], options={"sensor": "arm"}, explained=0.90, recommend=True),
@@ -214,7 +214,7 @@ def _refined(effect, *, beside, joints=()):
     return {"steps": [{"added": None}, {"added": added}], "effects": [{"effect": "joint_offset"}, entry]}
 
 
-def test_what_may_be_the_arms_and_is_left_out_of_tables_is_said(capsys):
+def test_refine_warns_if_instrument_effect_may_be_of_the_arm(capsys):
     present_added(_refined("tracker_scale", beside=["joint_scale 1", "tracker_angles"]), Output(None))
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert "tracker_scale can hardly be told from joint_scale [1] by these poses" in said
@@ -229,6 +229,6 @@ def test_what_may_be_the_arms_and_is_left_out_of_tables_is_said(capsys):
         ("tracker_scale", [], ["joint_offset"]),
     ],
 )
-def test_nothing_is_said_where_no_table_leaves_the_arm_uncorrected(capsys, effect, joints, beside):
+def test_refine_does_not_warn_if_no_arm_effect_is_in_doubt(capsys, effect, joints, beside):
     present_added(_refined(effect, beside=beside, joints=joints), Output(None))
     assert "hardly be told" not in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""Words and the progress bar on one terminal."""
+"""Printed text and the progress bar on one terminal."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armtrue.cli.shared import output as module
 from armtrue.cli.shared.output import Output, waiting
 
 
-def test_what_is_said_while_the_bar_stands_begins_on_a_cleared_line(monkeypatch):
+def test_text_during_the_progress_bar_starts_on_a_cleared_line(monkeypatch):
     monkeypatch.setattr(module, "_SHOW_PROGRESS_AFTER_S", -1.0)
     screen = io.StringIO()
     output = Output(None)
@@ -27,7 +27,7 @@ def test_what_is_said_while_the_bar_stands_begins_on_a_cleared_line(monkeypatch)
     assert re.search(r"fitting again .* 20 %", shown)
 
 
-def test_the_bar_keeps_out_of_standard_output_that_is_no_terminal(monkeypatch, capsys):
+def test_progress_bar_is_not_written_to_redirected_output(monkeypatch, capsys):
     monkeypatch.setattr(module, "_SHOW_PROGRESS_AFTER_S", -1.0)
     output = Output(None)
     with waiting(output) as progress:

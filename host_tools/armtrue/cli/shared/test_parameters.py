@@ -24,7 +24,7 @@ MDH = {
         ("link_geometry[2].tx", 0.0, "m"),
     ],
 )
-def test_nominal_of_modified_dh_is_the_next_row_turned_into_the_links_frame(name, value, unit):
+def test_nominal_of_modified_dh_is_the_next_row_in_the_link_frame(name, value, unit):
     found = nominal_value(name, {"kinematics": MDH})
     assert found is not None
     assert found[0] == pytest.approx(value, abs=1e-12)
@@ -37,7 +37,7 @@ def test_nominal_of_standard_dh_is_the_links_own_row():
     assert nominal_value("link_geometry[2].tz", robot) == (0.1, "m")
 
 
-def test_nominal_of_a_chain_is_the_next_joints_pose_and_at_last_the_end():
+def test_nominal_of_a_chain_is_next_joint_pose_or_the_end_pose():
     joints = [{"type": "revolute", "xyz": [0, 0, 0.4], "rpy": [0, 0, 0], "offset": 0.0}] * 2
     chain = {"convention": "chain", "joints": joints, "end": {"xyz": [0.0, 0.2, 0.0], "rpy": [0.1, 0.0, 0.0]}}
     assert nominal_value("link_geometry[1].tz", {"kinematics": chain}) == (0.4, "m")
@@ -47,5 +47,5 @@ def test_nominal_of_a_chain_is_the_next_joints_pose_and_at_last_the_end():
     assert found[0] == pytest.approx(0.1)
 
 
-def test_what_has_no_nominal_value_has_none():
+def test_nominal_of_a_compliance_is_none():
     assert nominal_value("joint_compliance[2]", {"kinematics": MDH}) is None

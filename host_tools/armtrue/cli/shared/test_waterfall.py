@@ -1,4 +1,4 @@
-"""The waterfall of `armtrue refine`: every step, every effect that came or went, within the terminal."""
+"""The waterfall of `armtrue refine`: all steps, and all effects added or removed, within the terminal's width."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ STEPS = [
 
 
 @pytest.mark.parametrize("width", [80, 100, 160])
-def test_every_effect_that_came_or_went_is_named_on_a_line_of_its_own(capsys, width):
+def test_each_added_or_removed_effect_has_a_line_of_its_own(capsys, width):
     lines = printed(STEPS, capsys, width)
     column = next(line for line in lines if "what changed" in line).index("what changed")
     changes = " ".join(line[column:].strip() for line in lines[4:])
@@ -75,7 +75,7 @@ def test_figures_are_the_held_out_errors_and_the_floor_of_that_step(capsys):
     assert "│" in lines[1]
 
 
-def test_bars_are_shares_of_the_first_step_and_end_at_its_length(capsys):
+def test_bars_scale_with_the_first_step_and_are_never_longer(capsys):
     lines = printed([step(100.0, None), step(50.0, None), step(120.0, None)], capsys)
     bars = [line.count("█") for line in lines[4:]]
     assert bars[1] == round(bars[0] / 2)
@@ -83,7 +83,7 @@ def test_bars_are_shares_of_the_first_step_and_end_at_its_length(capsys):
     assert all("│" not in line and "–" in line for line in lines[4:])
 
 
-def test_the_floor_stands_where_its_share_of_the_bar_is(capsys):
+def test_floor_mark_is_at_its_share_of_the_bar(capsys):
     lines = printed([step(100.0, 50.0)], capsys)
     row = lines[4]
     start = row.index("█")

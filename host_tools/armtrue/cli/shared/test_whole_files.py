@@ -1,4 +1,4 @@
-"""What a slip costs: a fit.json that was edited, an output named like an input, words that no command knows."""
+"""Mistakes of users: an edited fit.json, an output that is also an input, a mistyped command or option."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from armtrue.verdicts import verdict_words
 
 
 def refused(*arguments: str, cwd: Path) -> str:
-    """The sentence of a command that must end with status 2 and leave the folder as it is."""
+    """Run a command that must end with status 2 and change no file; return its one-line message."""
     before = {path: path.read_bytes() for path in cwd.iterdir() if path.is_file()}
     run = armtrue(*arguments, cwd=cwd)
     assert run.returncode == 2, run.stdout + run.stderr
@@ -49,7 +49,7 @@ def refused(*arguments: str, cwd: Path) -> str:
         (["noise"], [], "noise: found []"),
     ],
 )
-def test_an_edited_fit_is_refused_by_its_key(folder, tmp_path, keys, value, named):
+def test_edited_fit_is_refused_with_the_key_at_fault(folder, tmp_path, keys, value, named):
     document = json.loads((folder / "fit.json").read_text())
     place = document
     for key in keys[:-1]:
@@ -61,7 +61,7 @@ def test_an_edited_fit_is_refused_by_its_key(folder, tmp_path, keys, value, name
     assert f"edited.json: {named}" in str(refusal.value)
 
 
-def test_an_edited_fit_makes_no_table(folder):
+def test_export_refuses_a_fit_with_a_nan_parameter(folder):
     document = json.loads((folder / "fit.json").read_text())
     next(p for p in document["parameters"] if p["exported"])["value"] = float("nan")
     (folder / "edited.json").write_text(json.dumps(document))
@@ -86,24 +86,24 @@ def test_an_edited_fit_makes_no_table(folder):
         ("export fit.json --out fit.json", "fit.json"),
     ],
 )
-def test_no_command_writes_over_what_it_reads(folder, command, named):
+def test_commands_refuse_to_overwrite_their_inputs(folder, command, named):
     sentence = refused(*command.split(), cwd=folder)
     assert named in sentence
     assert "expected one" in sentence
 
 
-def test_compensate_writes_over_neither_table_nor_poses(folder):
+def test_compensate_refuses_to_overwrite_table_or_poses(folder):
     assert armtrue("export", "fit.json", "--out", "kept.bin", cwd=folder).returncode == 0
     for out in ("kept.bin", "kept.bin.fit.json", "data.csv"):
         assert out in refused("compensate", "kept.bin", "data.csv", "--out", out, cwd=folder)
 
 
-def test_export_writes_nothing_where_its_copy_of_the_fit_cannot_be(folder):
+def test_export_writes_nothing_if_it_cannot_write_its_fit_copy(folder):
     (folder / "half.bin.fit.json").mkdir()
     assert "half.bin.fit.json" in refused("export", "fit.json", "--out", "half.bin", cwd=folder)
 
 
-def test_an_effect_may_be_added_in_place(folder, tmp_path):
+def test_add_may_overwrite_the_fit_that_it_reads(folder, tmp_path):
     (tmp_path / "fit.json").write_bytes((folder / "fit.json").read_bytes())
     run = armtrue("add", "fit.json", "backlash", "--joints", "2", "--out", "fit.json", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
@@ -119,11 +119,11 @@ def test_an_effect_may_be_added_in_place(folder, tmp_path):
         ("compensate kept.bin data.csv --engine float --out c.csv", "'float'"),
     ],
 )
-def test_a_slip_on_the_command_line_is_one_sentence(folder, command, named):
+def test_command_line_mistake_is_refused_in_one_sentence(folder, command, named):
     assert named in refused(*command.split(), cwd=folder)
 
 
-def test_poses_without_a_column_that_the_fit_reads_are_refused_by_its_name(folder):
+def test_predict_names_a_missing_column_that_the_fit_reads(folder):
     header, *rows = (folder / "data.csv").read_text().splitlines()
     kept = [i for i, name in enumerate(header.split(",")) if name != "payload"]
     assert len(kept) < len(header.split(","))
@@ -138,7 +138,7 @@ def test_poses_without_a_column_that_the_fit_reads_are_refused_by_its_name(folde
     assert run.stdout.startswith("error against the x, y, z of data.csv: mean")
 
 
-def test_noise_is_only_said_to_be_noise_where_its_floor_is_known():
+def test_verdict_says_noise_only_if_the_noise_floor_is_known():
     known = {"verdict": "nothing_missing", "noise_floor_um": 10.0}
     assert verdict_words(known) == "Nothing is missing: what is left is noise."
     assert "not known" in verdict_words({**known, "noise_floor_um": None})
@@ -148,7 +148,7 @@ def test_noise_is_only_said_to_be_noise_where_its_floor_is_known():
     ("train_um", "held_out_um", "is_noise"),
     [(14.0, 19.0, True), (16.0, 19.0, False), (9.0, 21.0, False), (None, None, True)],
 )
-def test_what_errs_well_above_the_floor_is_more_than_noise(train_um, held_out_um, is_noise):
+def test_verdict_says_more_than_noise_well_above_the_floor(train_um, held_out_um, is_noise):
     error = {"train": {"mean_um": train_um}, "held_out": {"mean_um": held_out_um}}
     words = verdict_words({"verdict": "nothing_missing", "noise_floor_um": 10.0, "error": error})
     assert words.endswith("more than noise.") is not is_noise

@@ -37,7 +37,7 @@ def test_separate_lines_are_named_strongest_first(ratio):
     assert found.peaks[0].amplitude == "20.6″"
 
 
-def test_noise_stays_below_the_level():
+def test_noise_gives_no_peaks():
     rng = np.random.default_rng(6)
     cycles = np.arange(0.5, 150.0, 0.25)
     for _ in range(100):
@@ -56,16 +56,16 @@ def test_noise_stays_below_the_level():
         (17.4, 101.0, "17.4 cycles a turn"),
     ],
 )
-def test_periods_have_names(cycles, ratio, called):
+def test_peak_is_named_by_its_cycles_and_gear_ratio(cycles, ratio, called):
     assert name_of(cycles, ratio, 1.0) == called
 
 
 @pytest.mark.parametrize(("cycles", "short"), [(1.0, "1"), (17.4, "17.4"), (101.0, "motor turn")])
-def test_a_peak_is_short_where_the_axis_says_what_it_counts(cycles, short):
+def test_short_name_of_a_peak_omits_the_unit_of_the_axis(cycles, short):
     assert Peak(cycles, 0.1, "2.0″", name_of(cycles, 101.0, 1.0)).short == short
 
 
-def test_waves_over_a_slide_are_lengths() -> None:
+def test_peaks_of_a_prismatic_joint_are_named_by_length() -> None:
     cycles = np.arange(1.0, 500.0, 0.25)
     entry = spectrum(cycles, peak(cycles, 20.0, 0.3) + peak(cycles, 100.0, 0.2))
     entry |= {"per": "m", "amplitude_m": entry.pop("amplitude_rad")}

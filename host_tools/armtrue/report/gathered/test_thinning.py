@@ -1,15 +1,15 @@
-"""Fewer points of many."""
+"""Thinning of rows and curves."""
 
 import numpy as np
 
 from armtrue.report.gathered.thinning import loudest, spread_rows
 
 
-def test_all_rows_where_they_are_few():
+def test_few_rows_are_all_kept():
     assert spread_rows(5, 10).tolist() == [0, 1, 2, 3, 4]
 
 
-def test_rows_are_spread_evenly_and_the_wanted_ones_stay():
+def test_rows_are_thinned_evenly_and_required_rows_kept():
     keep = np.array([7, 11_111])
     rows = spread_rows(12_000, 1500, keep)
     assert rows.size <= 1500
@@ -19,7 +19,7 @@ def test_rows_are_spread_evenly_and_the_wanted_ones_stay():
     assert np.diff(rows).max() <= 10
 
 
-def test_no_peak_of_a_curve_is_lost():
+def test_thinned_curve_keeps_its_peaks():
     values = np.zeros(5000)
     values[[17, 2500, 4999]] = [3.0, 5.0, 4.0]
     peaks, starts = loudest(values, 300)

@@ -1,4 +1,4 @@
-"""What the picture of an effect draws, against the fitter's own prediction of moved joints."""
+"""Pictures of effects: displacements compared with the chain at moved joints, sweeps, labels."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def fit(fits):
     return fits[0]
 
 
-def test_a_joint_that_is_moved_moves_what_it_carries_as_the_chain_does(fit):
+def test_motor_displacement_moves_the_arm_as_the_chain_does(fit):
     chain = chain_from_robot(fit.document["robot"])
     joints = fit.data.joints[0]
     for motor in range(chain.joint_count):
@@ -39,7 +39,7 @@ def test_a_joint_that_is_moved_moves_what_it_carries_as_the_chain_does(fit):
 
 
 @pytest.mark.parametrize("coordinate", ["base.tx", "base.rz", "link2.ty", "link3.rx", "tool.tz"])
-def test_a_small_coordinate_moves_nothing_that_stands_before_it(fit, coordinate):
+def test_coordinate_moves_only_the_frames_after_it(fit, coordinate):
     chain = chain_from_robot(fit.document["robot"])
     joints = fit.data.joints[0]
     change = corners(chain, joints, {coordinate: 1e-3}) - corners(chain, joints, {})
@@ -49,7 +49,7 @@ def test_a_small_coordinate_moves_nothing_that_stands_before_it(fit, coordinate)
         assert np.allclose(np.linalg.norm(change[first:], axis=1), 1e-3)
 
 
-def test_an_effect_is_driven_by_the_variable_that_moves_it_most(fit):
+def test_sweep_varies_the_variable_that_drives_the_effect_most(fit):
     sweep = effect_sweep(fit, GEAR)
     assert sweep.variable.name == "q3"
     assert np.allclose(sweep.moves["motor3"], 1e-4 * np.sin(np.radians(sweep.values)), atol=1e-9)
@@ -57,7 +57,7 @@ def test_an_effect_is_driven_by_the_variable_that_moves_it_most(fit):
     assert "joint 3 changes" in words
 
 
-def test_waves_that_are_many_are_drawn_two_at_a_time(fit):
+def test_sweep_of_a_short_wave_covers_two_periods(fit):
     mesh = {
         "effect": "gear_mesh",
         "joints": [2],
@@ -68,7 +68,7 @@ def test_waves_that_are_many_are_drawn_two_at_a_time(fit):
     assert np.ptp(sweep.values) == pytest.approx(2 * 360 / 90, rel=1e-6)
 
 
-def test_an_effect_that_nothing_drives_is_shown_as_it_comes(fit):
+def test_constant_effect_is_swept_from_zero_to_its_value(fit):
     offset = {
         "effect": "joint_offset",
         "joints": [2],
@@ -80,7 +80,7 @@ def test_an_effect_that_nothing_drives_is_shown_as_it_comes(fit):
     assert np.allclose(sweep.moves["motor2"], np.linspace(0.0, 1e-3, len(sweep.values)))
 
 
-def test_labels_of_joints_cover_no_other_and_stay_in_the_picture(fit):
+def test_joint_labels_do_not_overlap_and_stay_in_the_picture(fit):
     chain = chain_from_robot(fit.document["robot"])
     high, letter = 14.0, 7.0
     for joints in fit.data.joints[:40]:
@@ -94,7 +94,7 @@ def test_labels_of_joints_cover_no_other_and_stay_in_the_picture(fit):
                 assert left >= other[1] or right <= other[0] or top >= other[3] or bottom <= other[2], boxes
 
 
-def test_joints_in_one_place_share_a_label():
+def test_joints_at_one_place_share_a_label():
     places = np.array([[0.0, 0.0], [20.0, 200.0], [60.0, 100.0], [200.0, 50.0], [203.0, 55.0], [201.0, 48.0]])
     labels = joint_labels(places, [1, 2, 3, 4, 5])
     assert sorted(text for text, *_ in labels) == ["joint 1", "joint 2", "joints 3–5"]

@@ -23,7 +23,7 @@ def plot_of(panel: Panel) -> ET.Element:
 
 
 def places(path: str) -> np.ndarray:
-    """Absolute places of the dots of a path of `mX Yh0`."""
+    """Absolute positions of the dots in a path of relative moves `mX Yh0`."""
     steps = [(float(x), float(y)) for x, y in re.findall(r"m(-?[\d.]+) (-?[\d.]+)h0", path)]
     return np.cumsum(np.array(steps), axis=0)
 
@@ -48,7 +48,7 @@ def test_dots_are_where_their_values_are():
     assert apart.min(axis=1).max() < 0.051
 
 
-def test_words_are_escaped_and_spoken():
+def test_text_is_escaped_and_the_chart_has_an_aria_label():
     chart = made(empty())
     assert chart.get("role") == "img"
     assert chart.get("aria-label") == "a chart & more"
@@ -73,7 +73,7 @@ def test_notes_do_not_cover_each_other():
     assert np.diff(sorted(notes)).min() >= 11.0
 
 
-def test_notes_keep_clear_of_pointers_whichever_came_first():
+def test_notes_do_not_cover_pointers_in_either_order():
     panel = empty()
     panel.note(5.0, -1.0, "17")
     panel.note(5.3, -0.8, "27")
@@ -88,7 +88,7 @@ def test_notes_keep_clear_of_pointers_whichever_came_first():
     assert len(texts) == 2
 
 
-def test_long_ticks_push_the_plot_aside_and_leave_the_name_free():
+def test_long_tick_labels_move_the_plot_to_the_right():
     wide = plot_of(Panel(Scale(0.0, 1.0), symmetric(600_000.0), "x", "y", "large"))
     usual = plot_of(Panel(Scale(0.0, 1.0), symmetric(90.0), "x", "y", "small"))
     assert float(wide.get("x")) >= 22 + 6 * len("−500000")
@@ -97,7 +97,7 @@ def test_long_ticks_push_the_plot_aside_and_leave_the_name_free():
 
 
 @pytest.mark.parametrize("x", [0.0, 10.0])
-def test_notes_stay_inside(x):
+def test_notes_stay_inside_the_chart(x):
     panel = empty()
     panel.note(x, 0.0, "a fairly long note here")
     (text,) = plot_of(panel).findall("text")

@@ -1,4 +1,4 @@
-"""Foreign files with whatever describes the arm: which of them are guessed at, and what is kept of the others."""
+"""Foreign files dropped with a description of the arm: which are interpreted, and what is kept of the others."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def campaign(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def foreign(campaign, tmp_path) -> Path:
-    """The campaign in degrees and millimetres, under a controller's names."""
+    """The campaign in degrees and millimetres, with a controller's column names."""
     with (campaign / "data.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     lines = ["A1;A2;A3;A4;A5;A6;X;Y;Z"]
@@ -85,13 +85,13 @@ def test_model_dropped_with_foreign_measurements_is_the_first_model(campaign, fo
     assert [entry["effect"] for entry in first.effects][-1] == "joint_compliance"
 
 
-def test_table_of_denavit_hartenberg_rows_is_the_arm(campaign, foreign, tmp_path):
+def test_dropped_dh_table_is_read_as_the_arm(campaign, foreign, tmp_path):
     found = opened(dropped(tmp_path / "drop", foreign, dh_table(campaign, tmp_path / "kr30.csv")))
     assert found.robot.joint_count == 6
     assert found.data.count == 60
 
 
-def test_arm_file_that_names_a_urdf_is_read_with_it(tmp_path):
+def test_robot_yaml_that_names_a_dropped_urdf_is_read_with_it(tmp_path):
     (tmp_path / "two.urdf").write_text(URDF)
     (tmp_path / "robot.yaml").write_text(
         "name: mine\nkinematics: {urdf: two.urdf, base: base, tip: flange}\n"
@@ -111,21 +111,21 @@ def test_arm_file_that_names_a_urdf_is_read_with_it(tmp_path):
     assert drop.guess.robot.joint_count == 2
 
 
-def test_measurements_without_an_arm_say_which_files_to_drop_too(foreign, tmp_path):
+def test_measurements_without_an_arm_name_the_files_to_add(foreign, tmp_path):
     with pytest.raises(
         InputError, match=r"tracker\.csv: found no arm beside it, expected its robot\.yaml, its URDF"
     ):
         dropped(tmp_path / "drop", foreign).open({})
 
 
-def test_foreign_files_named_in_the_terminal_are_guessed_at(campaign, foreign, tmp_path):
+def test_layout_of_foreign_files_named_in_terminal_is_guessed(campaign, foreign, tmp_path):
     drop = Drop(tmp_path / "drop")
     assert drop.take_foreign([foreign], campaign / "robot.yaml", None)
     assert drop.guess is not None
     assert "unit: deg" in drop.guess.text
 
 
-def test_wrong_cell_in_armtrue_s_own_form_is_no_foreign_file(campaign, tmp_path):
+def test_own_format_with_a_bad_cell_is_not_taken_as_foreign(campaign, tmp_path):
     text = (campaign / "data.csv").read_text().splitlines()
     text[3] = "abc" + text[3][3:]
     (tmp_path / "data.csv").write_text("\n".join(text) + "\n")
@@ -133,13 +133,13 @@ def test_wrong_cell_in_armtrue_s_own_form_is_no_foreign_file(campaign, tmp_path)
     assert not (tmp_path / "drop").exists()
 
 
-def test_file_that_is_no_table_of_measurements_leaves_nothing_behind(campaign, tmp_path):
+def test_file_without_measurements_leaves_no_folder_behind(campaign, tmp_path):
     (tmp_path / "words.csv").write_text("hello\nworld\n")
     assert not Drop(tmp_path / "drop").take_foreign([tmp_path / "words.csv"], campaign / "robot.yaml", None)
     assert not (tmp_path / "drop").exists()
 
 
-def test_several_files_that_cannot_be_joined_are_refused_by_their_names(campaign, tmp_path):
+def test_files_that_cannot_be_joined_are_refused_by_name(campaign, tmp_path):
     for name in ("one.csv", "two.csv"):
         (tmp_path / name).write_text("hello\nworld\n")
     with pytest.raises(InputError, match=r"^one\.csv"):
@@ -149,7 +149,7 @@ def test_several_files_that_cannot_be_joined_are_refused_by_their_names(campaign
     assert not (tmp_path / "drop").exists()
 
 
-def test_file_that_is_not_there_is_named_before_what_it_lacks(tmp_path):
+def test_missing_file_is_reported_before_its_missing_arm(tmp_path):
     with pytest.raises(InputError, match=r"nosuch\.csv: cannot be read"):
         open_files([tmp_path / "nosuch.csv"])
 
@@ -170,7 +170,7 @@ def _joints_and_points_in_inches(foreign: Path, tmp_path: Path) -> list[Path]:
 
 
 @pytest.mark.full
-def test_unit_chosen_for_joined_files_is_that_of_the_files_own_column(campaign, foreign, tmp_path):
+def test_unit_chosen_for_joined_files_applies_to_original_values(campaign, foreign, tmp_path):
     files = _joints_and_points_in_inches(foreign, tmp_path)
     drop = dropped(tmp_path / "drop", *files, campaign / "robot.yaml")
     assert drop.open({}) is None
@@ -188,7 +188,7 @@ def test_unit_chosen_for_joined_files_is_that_of_the_files_own_column(campaign, 
     assert found.data.count == 60
 
 
-def test_points_in_another_unit_are_mended_by_their_finding(campaign, foreign, tmp_path):
+def test_mending_the_scale_finding_corrects_the_unit_of_points(campaign, foreign, tmp_path):
     files = _joints_and_points_in_inches(foreign, tmp_path)
     drop = dropped(tmp_path / "drop", *files, campaign / "robot.yaml")
     drop.open({})
@@ -199,7 +199,7 @@ def test_points_in_another_unit_are_mended_by_their_finding(campaign, foreign, t
     assert "The arm reaches its points" in str(drop.guess.picture)
 
 
-def test_form_that_cannot_be_looked_at_is_kept_as_it_stands(campaign, foreign, tmp_path):
+def test_invalid_form_is_kept_as_the_user_filled_it_in(campaign, foreign, tmp_path):
     drop = dropped(tmp_path / "drop", foreign, campaign / "robot.yaml")
     drop.open({})
     form = _filled_in(["x", "y"], "m")
@@ -209,7 +209,7 @@ def test_form_that_cannot_be_looked_at_is_kept_as_it_stands(campaign, foreign, t
     assert drop.draft["form"] == form
 
 
-def test_row_that_cannot_be_read_is_left_out_and_said_in_the_form(campaign, foreign, tmp_path):
+def test_unreadable_row_is_left_out_and_noted_in_the_form(campaign, foreign, tmp_path):
     lines = foreign.read_text().splitlines()
     lines[4] = "abc" + lines[4]
     foreign.write_text("\n".join(lines) + "\n")
@@ -219,7 +219,7 @@ def test_row_that_cannot_be_read_is_left_out_and_said_in_the_form(campaign, fore
     assert any("left out: row 5 column A1" in note for note in drop.guess.notes)
 
 
-def test_notes_of_guesses_name_files_as_they_were_dropped(campaign, foreign, tmp_path):
+def test_notes_of_guesses_name_files_without_their_folder(campaign, foreign, tmp_path):
     drop = dropped(tmp_path / "drop", foreign, campaign / "robot.yaml")
     drop.open({})
     assert drop.guess is not None

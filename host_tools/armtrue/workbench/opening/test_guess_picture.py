@@ -1,4 +1,4 @@
-"""The picture of guesses: its caption says what its lines show, and nothing that the check denies."""
+"""The picture of guesses: its caption agrees with its lines and with the findings of the check."""
 
 from __future__ import annotations
 
@@ -44,31 +44,31 @@ def scaled(data: Dataset, factor: float) -> Dataset:
     return changed(data, **{axis: factor * data.columns[axis] for axis in "xyz"})
 
 
-def test_arm_that_follows_its_points_reaches_them(arm):
+def test_caption_says_reached_if_the_points_fit_the_arm(arm):
     words = caption(*arm)
     assert "The arm reaches its points." in words
     assert rms_m(words) < 0.01
 
 
 @pytest.mark.parametrize("factor", [1 / 25.4, 1e-3, 1000.0])
-def test_points_in_another_unit_are_not_reached(arm, factor):
+def test_caption_says_not_reached_for_points_in_another_unit(arm, factor):
     data, robot = arm
     words = caption(scaled(data, factor), robot)
     assert "does not reach its points" in words
     assert rms_m(words) > 0.5
 
 
-def test_error_of_the_check_is_not_contradicted_where_lines_are_short(arm):
+def test_caption_does_not_contradict_an_error_of_the_check(arm):
     assert "reaches" not in caption(*arm, [Finding("scale", "error", "the scale is wrong")])
 
 
-def test_one_bumped_point_is_counted(arm):
+def test_caption_counts_one_outlying_point(arm):
     data, robot = arm
     bumped = np.where(np.arange(data.count) == 7, 0.2, 0.0)
     assert "all but 1 of them" in caption(changed(data, x=data.columns["x"] + bumped), robot)
 
 
-def test_each_reflector_has_its_own_offset_and_each_set_up_its_own_place(arm):
+def test_lines_align_each_reflector_and_each_set_up_separately(arm):
     data, robot = arm
     columns = {name: np.asarray(c) for name, c in data.columns.items() if name[:1] == "q" or name in "xyz"}
     flange = pictured.flanges(columns, robot.spec)

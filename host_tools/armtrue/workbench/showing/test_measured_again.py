@@ -1,4 +1,4 @@
-"""Files that are dropped later: read as the first ones were, compared, and joined without losing what was before."""
+"""Files dropped later: read like the first ones, compared, and joined without losing the earlier session."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def text(rows: list[dict[str, str]]) -> bytes:
 
 
 def moved(rows: list[dict[str, str]]) -> list[dict[str, str]]:
-    """As a tracker measures that stands elsewhere."""
+    """Rows as a tracker at another place measures them."""
     (angle, shift), found = MOVED, []
     turn = np.array(
         [[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]]
@@ -63,7 +63,7 @@ def moved(rows: list[dict[str, str]]) -> list[dict[str, str]]:
 def foreign(
     rows: list[dict[str, str]], names: str = "A1;A2;A3;A4;A5;A6;X;Y;Z", unit: float = 1000.0
 ) -> bytes:
-    """As a controller exports them, joint 3 turning the other way."""
+    """Rows as a controller exports them, with joint 3 reversed."""
     lines = [names]
     for row in rows:
         angles = [math.degrees(float(row[f"q{k}"])) * (-1 if k == 3 else 1) for k in range(1, 7)]
@@ -79,7 +79,7 @@ def begun(engine: Engine, rows, place: Path) -> Engine:
     return engine
 
 
-def test_rows_that_were_fitted_tell_nothing_and_are_not_offered_to_join(engine, rows, tmp_path):
+def test_fitted_rows_are_recognised_and_join_is_not_offered(engine, rows, tmp_path):
     begun(engine, rows, tmp_path)
     engine.take("again.csv", text(rows[1][:FIRST]))
     assert "are among those that were fitted" in do(engine, "compare")
@@ -87,7 +87,7 @@ def test_rows_that_were_fitted_tell_nothing_and_are_not_offered_to_join(engine, 
 
 
 @pytest.mark.full
-def test_moved_base_is_said_as_compare_says_it_and_joins_as_a_set_up_of_its_own(engine, rows, tmp_path):
+def test_moved_base_is_reported_and_joins_as_a_separate_set_up(engine, rows, tmp_path):
     begun(engine, rows, tmp_path)
     before = engine.session.node.mean_um
     engine.take("later.csv", text(moved(rows[1][FIRST:])))
@@ -108,7 +108,7 @@ def test_moved_base_is_said_as_compare_says_it_and_joins_as_a_set_up_of_its_own(
 
 
 @pytest.mark.full
-def test_measurements_of_the_same_set_up_join_without_another_one(engine, rows, tmp_path):
+def test_measurements_of_the_same_set_up_join_without_station(engine, rows, tmp_path):
     begun(engine, rows, tmp_path)
     engine.take("later.csv", text(rows[1][FIRST:]))
     assert "as was to be expected" in do(engine, "compare")
@@ -117,7 +117,7 @@ def test_measurements_of_the_same_set_up_join_without_another_one(engine, rows, 
 
 
 @pytest.mark.full
-def test_history_before_measurements_joined_stays_reachable_and_back(engine, rows, tmp_path, monkeypatch):
+def test_earlier_session_stays_reachable_after_a_join(engine, rows, tmp_path, monkeypatch):
     begun(engine, rows, tmp_path)
     do(engine, "name", node=0, name="my careful model")
     do(engine, "leave_out", rows=[5])
@@ -140,7 +140,7 @@ def test_history_before_measurements_joined_stays_reachable_and_back(engine, row
 
 
 @pytest.mark.full
-def test_later_file_in_the_same_foreign_layout_is_read_as_the_first_one_was(engine, rows):
+def test_later_file_in_the_same_layout_is_read_like_the_first(engine, rows):
     engine.take("first.csv", foreign(rows[1][:FIRST]))
     engine.take("robot.yaml", (rows[0] / "robot.yaml").read_bytes())
     do(engine, "open")
@@ -155,7 +155,7 @@ def test_later_file_in_the_same_foreign_layout_is_read_as_the_first_one_was(engi
 
 
 @pytest.mark.full
-def test_later_file_in_another_layout_is_guessed_at_and_compared_as_the_form_says(engine, rows, tmp_path):
+def test_later_file_in_another_layout_is_compared_after_review(engine, rows, tmp_path):
     begun(engine, rows, tmp_path)
     engine.take("other.csv", foreign(rows[1][FIRST:], "J1;J2;J3;J4;J5;J6;X [m];Y [m];Z [m]", 1.0))
     assert "Look at what was guessed" in do(engine, "compare")
@@ -169,7 +169,7 @@ def test_later_file_in_another_layout_is_guessed_at_and_compared_as_the_form_say
     assert engine.session.data.count == len(rows[1])
 
 
-def test_wrong_cell_in_armtrue_s_own_form_is_named_and_nothing_is_guessed(engine, rows, tmp_path):
+def test_bad_cell_in_own_format_is_named_and_nothing_is_guessed(engine, rows, tmp_path):
     begun(engine, rows, tmp_path)
     wrong = [dict(row) for row in rows[1][FIRST:]]
     wrong[2]["q1"] = "abc"

@@ -1,4 +1,4 @@
-"""What effects are called on the page."""
+"""Names of effects on the page and in the terminal."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from armtrue.workbench.showing.names import called, named
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_candidate_is_told_from_others_in_few_figures(candidate, name):
+def test_named_has_the_options_of_the_variant_in_short_figures(candidate, name):
     assert named(candidate) == name
 
 
-def test_terminal_tells_forms_of_one_effect_apart_as_the_page_does():
+def test_terminal_name_has_the_variant_and_the_sensor_if_needed():
     soft = {"effect": "stiffness_nonlinear", "joints": [2], "options": {"soft": True, "soft_torque": 12.5}}
     assert candidates.called(soft) == "stiffness_nonlinear [2], soft"
     warm = [{"effect": "thermal_expansion", "joints": [], "options": {"sensor": name}} for name in ("a", "b")]
@@ -39,7 +39,7 @@ def test_terminal_tells_forms_of_one_effect_apart_as_the_page_does():
     assert candidates.called(warm[0], warm) == "thermal_expansion, sensor a"
 
 
-def test_name_that_the_diagnosis_uses_keeps_all_figures():
+def test_called_keeps_all_figures_as_the_diagnosis_does():
     assert (
         called({"effect": "gear_mesh", "joints": [6], "cycles": [171.3119657]})
         == "gear_mesh 6 cycles [171.3119657]"

@@ -1,4 +1,4 @@
-"""What the page draws, whatever was dropped on it."""
+"""The page with files in other encodings, doubtful fits, several workbenches, and actions that end meanwhile."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ def waiting(tmp_path, monkeypatch):
     return engine
 
 
-def test_file_that_is_not_utf_8_is_shown_as_init_reads_it(waiting):
+def test_page_shows_a_latin_1_file_in_the_guessed_encoding(waiting):
     opening = pieces(waiting)["opening"]
     assert "unit of Achse 1 [°]" in opening
     assert "cannot be shown" not in opening
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "no-such-encoding", "[5]"])
-def test_page_is_drawn_and_files_are_put_aside_whatever_the_form_stands_on(waiting, encoding):
+def test_page_and_forget_work_with_an_unusable_encoding(waiting, encoding):
     guess = waiting.drop.guess
     guess.text = guess.text.replace("encoding: cp1252", f"encoding: {encoding}")
     opening = pieces(waiting)["opening"]
@@ -59,12 +59,12 @@ def test_page_is_drawn_and_files_are_put_aside_whatever_the_form_stands_on(waiti
     assert "Put aside" not in pieces(waiting)["opening"]
 
 
-def test_what_a_fit_doubts_stands_among_the_notes(tmp_path, monkeypatch):
+def test_notes_include_the_warnings_of_the_fit(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     armtrue_sim.simulate({"arm": "kr30", "seed": 5, "poses": 60}).write(tmp_path)
     with (tmp_path / "data.csv").open() as stream:
         rows = list(csv.DictReader(stream))
-    for row in rows:  # the tracker hangs upside down beside the arm, or the arm beside the tracker
+    for row in rows:  # either the tracker or the arm hangs upside down
         row["y"], row["z"] = str(-float(row["y"])), str(-float(row["z"]))
     with (tmp_path / "data.csv").open("w") as stream:
         table = csv.DictWriter(stream, rows[0])
@@ -94,12 +94,12 @@ def test_two_workbenches_without_a_session_keep_their_files_apart(tmp_path, monk
     one, other = started("one"), started("other")
     drop(one, "first.csv")
     drop(other, "second.csv")
-    one._waiting_lock.keep(set())  # its process ends
+    one._waiting_lock.keep(set())  # as if its process ended
     assert list(started("three").drop.names) == ["first.csv"]
 
 
-def test_what_is_found_while_the_page_is_drawn_is_new_to_it(tmp_path, monkeypatch):
-    """The page showed for ever that the diagnosis was being worked out: it ended while the pieces were made."""
+def test_view_gives_the_diagnosis_state_from_before_drawing(tmp_path, monkeypatch):
+    """A diagnosis ended while the pieces were made, and the page showed for ever that it was being worked out."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     armtrue_sim.simulate({"arm": "kr30", "seed": 5, "poses": 60}).write(tmp_path)
     drawn, diagnose = threading.Event(), background.diagnose
@@ -126,14 +126,14 @@ def test_what_is_found_while_the_page_is_drawn_is_new_to_it(tmp_path, monkeypatc
     assert view["known"] == begun != engine.known
 
 
-def test_every_action_that_has_ended_is_new_to_the_page(waiting):
-    """Of a short one the page heard nothing but its end, and went on showing what had been before."""
+def test_each_ended_action_increments_the_ended_count(waiting):
+    """The page saw only the end of a short action, and went on showing the old contents."""
     before = server.whole_view(waiting)["ended"]
     do(waiting, "forget")
     assert server.running(waiting)["ended"] == before + 1
 
 
-def test_a_workbench_that_can_keep_nothing_still_opens(tmp_path, monkeypatch):
+def test_unwritable_state_folder_is_reported_at_the_first_drop(tmp_path, monkeypatch):
     (tmp_path / "state").write_text("no folder")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     engine = Engine(Drop(tmp_path / "drop"))
