@@ -1,4 +1,4 @@
-// What drives say of themselves, and what the correction does about it, in both modes.
+// States that drives report, and how the correction reacts, in inline and offset mode.
 #include "firmware/canopen/motion/drive_states.h"
 
 #include "firmware/testing/drives_bench.h"
@@ -17,7 +17,7 @@ class JumpTest : public testing::Test {
   DriveStates states;
 };
 
-TEST_F(JumpTest, MoreThanAPartOfATurnAtRest_IsAnotherZero) {
+TEST_F(JumpTest, ChangeAtRestBeyond500thOfATurn_IsAJump) {
   EXPECT_FALSE(hear(500'000, 0)) << "the first";
   EXPECT_FALSE(hear(502'000, 1'000));
   EXPECT_TRUE(hear(504'001, 2'000));
@@ -25,25 +25,25 @@ TEST_F(JumpTest, MoreThanAPartOfATurnAtRest_IsAnotherZero) {
   EXPECT_TRUE(hear(502'000, 4'000)) << "back";
 }
 
-TEST_F(JumpTest, FasterThanTwoTurnsASecond_IsAnotherZero) {
+TEST_F(JumpTest, ChangeAtRestAboveTwoTurnsPerSecond_IsAJump) {
   EXPECT_FALSE(hear(0, 0));
   EXPECT_FALSE(hear(100'000, 50'000));
   EXPECT_TRUE(hear(200'001, 100'000));
 }
 
-TEST_F(JumpTest, PositionsThatLieFarApartInTime_SayNothing) {
+TEST_F(JumpTest, PositionsMoreThan100msApart_AreNotCompared) {
   EXPECT_FALSE(hear(0, 0));
   EXPECT_FALSE(hear(500'000, 100'001));
   EXPECT_TRUE(hear(0, 200'001));
 }
 
-TEST_F(JumpTest, InMotionOrWithoutAScale_NothingIsSaid) {
+TEST_F(JumpTest, InMotionOrWithoutScale_NoJumpIsReported) {
   EXPECT_FALSE(hear(0, 0));
   EXPECT_FALSE(hear(500'000, 1'000, false));
   EXPECT_FALSE(hear(0, 2'000, true, 0));
 }
 
-TEST(DriveStates, WhatIsMappedOfOtherAxes_IsForgottenAlone) {
+TEST(DriveStates, Keep_ForgetsOnlyAxesThatAreNotMapped) {
   for (std::size_t mapped = 0; mapped < kMaxJoints; ++mapped) {
     DriveStates states;
     for (std::size_t axis = 0; axis < kMaxJoints; ++axis) {
@@ -79,7 +79,7 @@ TEST(DriveStates, EachAxis_HasItsOwnBit) {
 }
 
 // CiA 402-2, table 30. In quick stop active and fault reaction active the motor still has power.
-TEST(DriveStates, DisabledIs_WhatHasNoPowerOnItsMotor) {
+TEST(DriveStates, Disabled_MeansMotorWithoutPower) {
   for (const int statusword : {0x0000, 0x0040, 0x0231, 0x0233, 0x0208, 0x0250, 0x0218}) {
     DriveStates states;
     states.hear_state(0, static_cast<std::uint16_t>(statusword));
@@ -96,7 +96,7 @@ TEST(DriveStates, DisabledIs_WhatHasNoPowerOnItsMotor) {
 constexpr std::int32_t kRate = 106;
 constexpr int kFault = 0x0218;
 
-// RPDO 13 hears the state and the mode of axis 1, RPDO 14 those of axis 2.
+// RPDO 13 receives the statusword and the mode of axis 1, RPDO 14 those of axis 2.
 class DriveStatesTest : public DrivesTest {
  protected:
   DriveStatesTest() {
@@ -127,7 +127,7 @@ class DriveStatesTest : public DrivesTest {
     for (std::size_t k = 0; k < 6; ++k) result[k] = stand[k] - target[k];
     return result;
   }
-  // Cycles, in none of which a drive or what the controller sees moves faster than is permitted.
+  // Cycles in which no drive, and no position that the controller sees, moves more than kRate.
   void rest_smoothly(int cycles) {
     for (int k = 0; k < cycles; ++k) {
       const Joints before = stand;
@@ -143,7 +143,7 @@ class DriveStatesTest : public DrivesTest {
   }
 };
 
-TEST_P(DriveStatesTest, ACorrectionIsSuspendedUntilAllFollowAgain) {
+TEST_P(DriveStatesTest, Correction_IsSuspendedUntilAllDrivesFollow) {
   settle();
   all_follow();
   const Joints before = correction();
@@ -173,7 +173,7 @@ TEST_P(DriveStatesTest, ACorrectionIsSuspendedUntilAllFollowAgain) {
   EXPECT_EQ(bench.read(0x2005, 6), 4U);
 }
 
-// Something happens while a set waits for its SYNC, which is late: that set is dropped.
+// An event occurs while a set waits for its SYNC, which is late: that set is dropped.
 class WaitingSetTest : public DriveStatesTest {
  protected:
   WaitingSetTest() {
@@ -196,7 +196,7 @@ class WaitingSetTest : public DriveStatesTest {
     take_output();
     ASSERT_EQ(outputs, 0);
   }
-  // Neither SYNC nor targets any more; then as before.
+  // 200 ms with neither SYNC nor targets, then both again.
   void expect_zero_in_silence_and_in_a_stream() {
     EXPECT_LE(wait(200), offset_ ? kRate : 0);
     if (offset_) {
@@ -210,20 +210,20 @@ class WaitingSetTest : public DriveStatesTest {
   Joints whole_ = {};
 };
 
-TEST_P(WaitingSetTest, Disabled_TheCorrectionGoesToZero) {
+TEST_P(WaitingSetTest, Disabling_CorrectionGoesToZero) {
   let_a_set_wait();
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   expect_zero_in_silence_and_in_a_stream();
 }
 
-TEST_P(WaitingSetTest, ADriveLeaves_TheCorrectionGoesToZero) {
+TEST_P(WaitingSetTest, DriveFault_CorrectionGoesToZero) {
   let_a_set_wait();
   drive_says(0, kFault, 8);
   expect_zero_in_silence_and_in_a_stream();
   expect_suspended(1);
 }
 
-TEST_P(WaitingSetTest, AZeroChanges_TheCorrectionGoesToZero) {
+TEST_P(WaitingSetTest, EncoderZeroChanges_CorrectionGoesToZero) {
   rest(kStand, 150);
   let_a_set_wait();
   stand[2] += 5000;
@@ -233,7 +233,7 @@ TEST_P(WaitingSetTest, AZeroChanges_TheCorrectionGoesToZero) {
   expect_suspended(2);
 }
 
-TEST_P(WaitingSetTest, ADriveReturns_TheCorrectionComesBack) {
+TEST_P(WaitingSetTest, DriveFollowsAgain_CorrectionReturns) {
   drive_says(0, kFault, 8);
   rest(kStand, 150);
   ASSERT_EQ(correction(), Joints{});
@@ -245,7 +245,7 @@ TEST_P(WaitingSetTest, ADriveReturns_TheCorrectionComesBack) {
   EXPECT_EQ(bench.read(0x2001, 1), 2U);
 }
 
-TEST_P(WaitingSetTest, NmtStops_TheCorrectionIsTheSameAtTheNextStart) {
+TEST_P(WaitingSetTest, NmtStop_NextStartRestoresTheCorrection) {
   let_a_set_wait();
   drive_says(0, kFault, 8);
   wait(200);
@@ -264,7 +264,7 @@ TEST_P(WaitingSetTest, NmtStops_TheCorrectionIsTheSameAtTheNextStart) {
 INSTANTIATE_TEST_SUITE_P(Modes, WaitingSetTest, ::testing::Values(Mode::kInline, Mode::kOffset),
                          mode_name);
 
-TEST_P(DriveStatesTest, SuspensionWithoutTargets_MakesNoStepNowOrWithTheNextTarget) {
+TEST_P(DriveStatesTest, SuspensionWithoutTargets_MakesNoStepThenOrLater) {
   settle();
   all_follow();
   bench.run_for(100'000);
@@ -292,7 +292,7 @@ TEST_P(DriveStatesTest, SuspensionWithoutTargets_MakesNoStepNowOrWithTheNextTarg
   EXPECT_EQ(correction(), Joints{});
 }
 
-TEST_P(DriveStatesTest, DrivesThatSayNothingAreTakenToFollow) {
+TEST_P(DriveStatesTest, SilentDrives_CountAsFollowing) {
   settle();
   EXPECT_EQ(bench.read(0x2005, 1), 0U) << "and that is said";
   EXPECT_EQ(bench.read(0x2005, 3), static_cast<std::uint32_t>(Phase::kCorrecting));
@@ -300,7 +300,7 @@ TEST_P(DriveStatesTest, DrivesThatSayNothingAreTakenToFollow) {
   EXPECT_EQ(bench.read(0x2005, 1), 2U);
 }
 
-TEST_P(DriveStatesTest, AZeroThatChangesAtRestSuspendsUntilSomebodyHasAnswered) {
+TEST_P(DriveStatesTest, EncoderZeroChangeAtRest_SuspendsUntilReenabled) {
   settle();
   all_follow();
   rest(kStand, 150);
@@ -324,7 +324,7 @@ TEST_P(DriveStatesTest, AZeroThatChangesAtRestSuspendsUntilSomebodyHasAnswered) 
   EXPECT_GT(farthest(stand, kStand), 150) << "confirmed by disabling and enabling";
 }
 
-TEST_P(DriveStatesTest, AZeroThatHomingChangesIsNoSurprise) {
+TEST_P(DriveStatesTest, EncoderZeroChangeByHoming_IsNotCounted) {
   settle();
   all_follow();
   drive_says(0, kOperationEnabled, 6);
@@ -339,7 +339,7 @@ INSTANTIATE_TEST_SUITE_P(Modes, DriveStatesTest, ::testing::Values(Mode::kInline
 
 class OffsetReadBackTest : public DriveStatesTest {};
 
-TEST_P(OffsetReadBackTest, AnOffsetThatIsNotTheOneSentIsReported) {
+TEST_P(OffsetReadBackTest, OffsetReadBackNotAsSent_IsReported) {
   map_offset_of_joint_1();
   settle();
   for (int k = 0; k < 50; ++k) drive_has(held[0]);

@@ -1,19 +1,19 @@
-// What the drives hold in offset mode: when the compensator starts beside a standing or a moving
-// arm, and how it takes its offsets back.
+// Offsets that the drives hold in offset mode: start of the compensator at an arm that rests or
+// moves, and the fade of the offsets to zero.
 #include "firmware/testing/drives_bench.h"
 
 namespace armtrue::canopen {
 namespace {
 
-// Offset: the drives follow the controller by themselves and keep the offset that they have.
+// In offset mode the drives follow the controller directly and keep their last offset.
 class OffsetDrivesTest : public DrivesTest {
  protected:
-  // Two turns of the loop a millisecond: no turn of its own earns a step.
+  // Two turns of the main loop per millisecond: a turn without a new cycle permits no step.
   OffsetDrivesTest() { turn_us = 500; }
   static constexpr std::int32_t kRate = 105;  // 0.1 turn per second, increments in a cycle
 };
 
-TEST_P(OffsetDrivesTest, AnArmInMotionIsNotTakenForItsOffset) {
+TEST_P(OffsetDrivesTest, StartInMotion_SendsNoOffsetsUntilTheArmRests) {
   settle();
   restart();
   following_error = 70;
@@ -32,7 +32,7 @@ TEST_P(OffsetDrivesTest, AnArmInMotionIsNotTakenForItsOffset) {
   EXPECT_EQ(status() & kUnknownBit, 0U);
 }
 
-TEST_P(OffsetDrivesTest, ActualPositionsAreHeardBeforeTheNodeIsStarted) {
+TEST_P(OffsetDrivesTest, ActualPositionsReceivedBeforeNodeStart_AreUsed) {
   settle();
   bench.power_on();
   take_output();
@@ -46,7 +46,7 @@ TEST_P(OffsetDrivesTest, ActualPositionsAreHeardBeforeTheNodeIsStarted) {
   }
 }
 
-TEST_P(OffsetDrivesTest, AnArmThatStandsWhereNoCorrectionCanBringItIsNotTouched) {
+TEST_P(OffsetDrivesTest, DifferenceBeyondPermitted_SendsNoOffsets) {
   settle();
   restart();
   following_error = 1000;
@@ -55,7 +55,7 @@ TEST_P(OffsetDrivesTest, AnArmThatStandsWhereNoCorrectionCanBringItIsNotTouched)
   EXPECT_GT(farthest(held, {}), 150) << "what it held before";
 }
 
-TEST_P(OffsetDrivesTest, AStartThatIsRefused_LeavesNothingHeld) {
+TEST_P(OffsetDrivesTest, RefusedStart_LeavesNoCorrection) {
   settle();
   restart();
   following_error = 1000;
@@ -65,7 +65,7 @@ TEST_P(OffsetDrivesTest, AStartThatIsRefused_LeavesNothingHeld) {
   EXPECT_EQ(bench.write(0x607D, 2, 50'000'000, 4), 0U) << "at rest, without a correction";
 }
 
-TEST_P(OffsetDrivesTest, AFirstSetThatDoesNotGoOut_LeavesNothingHeld) {
+TEST_P(OffsetDrivesTest, FirstSetNotSent_LeavesNoCorrection) {
   settle();
   wait(600);
   bench.set_transmission(0x1400);
@@ -82,7 +82,7 @@ TEST_P(OffsetDrivesTest, AFirstSetThatDoesNotGoOut_LeavesNothingHeld) {
   EXPECT_EQ(bench.read(0x2001, 1), 0U);
 }
 
-TEST_P(OffsetDrivesTest, NmtStopTakesTheOffsetsBackFirst) {
+TEST_P(OffsetDrivesTest, NmtStop_FadesOffsetsToZeroFirst) {
   for (const int command : {2, 128}) {
     for (const bool synchronous : {false, true}) {
       SCOPED_TRACE(command * 10 + synchronous);
@@ -106,7 +106,7 @@ TEST_P(OffsetDrivesTest, NmtStopTakesTheOffsetsBackFirst) {
   }
 }
 
-TEST_P(OffsetDrivesTest, NmtStopInMotionDoesTheSame) {
+TEST_P(OffsetDrivesTest, NmtStopInMotion_FadesOffsetsToZeroFirst) {
   settle();
   nmt(2);
   for (int k = 0; k < 100; ++k) {
@@ -118,7 +118,7 @@ TEST_P(OffsetDrivesTest, NmtStopInMotionDoesTheSame) {
   EXPECT_EQ(state(), NmtState::kStopped);
 }
 
-TEST_P(OffsetDrivesTest, AStartThatOvertakesAStopIsObeyed) {
+TEST_P(OffsetDrivesTest, NmtStartDuringTheFade_ReplacesTheStop) {
   settle();
   nmt(2);
   wait(1);
@@ -128,7 +128,7 @@ TEST_P(OffsetDrivesTest, AStartThatOvertakesAStopIsObeyed) {
   EXPECT_GT(farthest(held, {}), 150);
 }
 
-TEST_P(OffsetDrivesTest, CommandsForOthersAndUnknownOnesTakeNothingBack) {
+TEST_P(OffsetDrivesTest, NmtForOtherNodesOrUnknown_KeepsOffsets) {
   settle();
   const Joints before = held;
   bench.nmt(2, NodeBench::kNodeId + 1);
@@ -138,7 +138,7 @@ TEST_P(OffsetDrivesTest, CommandsForOthersAndUnknownOnesTakeNothingBack) {
   EXPECT_EQ(state(), NmtState::kOperational);
 }
 
-TEST_P(OffsetDrivesTest, ResetsTakeTheOffsetsBackFirst) {
+TEST_P(OffsetDrivesTest, Resets_FadeOffsetsToZeroFirst) {
   for (const int command : {129, 130}) {
     settle();
     nmt(command);
@@ -149,7 +149,7 @@ TEST_P(OffsetDrivesTest, ResetsTakeTheOffsetsBackFirst) {
   }
 }
 
-TEST_P(OffsetDrivesTest, TargetsThatWaitBehindAResetAreOfNoLifeAnyMore) {
+TEST_P(OffsetDrivesTest, Reset_DiscardsQueuedTargets) {
   for (const int command : {129, 130}) {
     settle();
     nmt(command);
@@ -169,7 +169,7 @@ TEST_P(OffsetDrivesTest, TargetsThatWaitBehindAResetAreOfNoLifeAnyMore) {
   }
 }
 
-TEST_P(OffsetDrivesTest, ALostHeartbeatTakesTheOffsetsBackFirst) {
+TEST_P(OffsetDrivesTest, LostHeartbeat_FadesOffsetsToZeroFirst) {
   ASSERT_EQ(bench.write(0x1016, 1, 0x00050064, 4), 0U);
   settle();
   bench.from_controller(make_frame(0x705, {5}));
@@ -178,7 +178,7 @@ TEST_P(OffsetDrivesTest, ALostHeartbeatTakesTheOffsetsBackFirst) {
   EXPECT_EQ(state(), NmtState::kPreOperational);
 }
 
-TEST_P(OffsetDrivesTest, AnotherModeTakesTheOffsetsBackFirst) {
+TEST_P(OffsetDrivesTest, ChangeOfMode_FadesOffsetsToZeroFirst) {
   settle();
   wait(600);
   ASSERT_GT(farthest(held, {}), 150) << "stale targets alone move nothing";
@@ -192,7 +192,7 @@ TEST_P(OffsetDrivesTest, AnotherModeTakesTheOffsetsBackFirst) {
   EXPECT_EQ(outputs, 0) << "forward";
 }
 
-TEST_P(OffsetDrivesTest, AModeThatIsTakenBackAtOnceGoesOn) {
+TEST_P(OffsetDrivesTest, ChangeOfModeRevertedAtOnce_RestoresOffsets) {
   settle();
   wait(600);
   ASSERT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
@@ -202,7 +202,7 @@ TEST_P(OffsetDrivesTest, AModeThatIsTakenBackAtOnceGoesOn) {
   EXPECT_GT(farthest(held, {}), 150);
 }
 
-TEST_P(OffsetDrivesTest, DisablingAtRestTakesTheOffsetsBackAndEnablingGivesThemAgain) {
+TEST_P(OffsetDrivesTest, DisablingAtRest_ZeroesOffsets_EnablingRestoresThem) {
   settle();
   wait(600);
   const Joints before = held;
@@ -217,7 +217,7 @@ TEST_P(OffsetDrivesTest, DisablingAtRestTakesTheOffsetsBackAndEnablingGivesThemA
   EXPECT_EQ(held, before);
 }
 
-TEST_P(OffsetDrivesTest, DisabledWhileParkedStaysDisabled) {
+TEST_P(OffsetDrivesTest, DisabledInPreOperational_StaysDisabledAfterStart) {
   settle();
   nmt(128);
   wait(100);
@@ -228,7 +228,7 @@ TEST_P(OffsetDrivesTest, DisabledWhileParkedStaysDisabled) {
   EXPECT_EQ(held, Joints{});
 }
 
-TEST_P(OffsetDrivesTest, DisablingInMotionEndsWithZeroInTheDrives) {
+TEST_P(OffsetDrivesTest, DisablingInMotion_FadesOffsetsToZero) {
   settle();
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   for (int k = 0; k < 60; ++k) {
@@ -240,7 +240,7 @@ TEST_P(OffsetDrivesTest, DisablingInMotionEndsWithZeroInTheDrives) {
   EXPECT_EQ(held, Joints{});
 }
 
-TEST_P(OffsetDrivesTest, SynchronousOffsetsLeaveWithSyncOnceForEachSet) {
+TEST_P(OffsetDrivesTest, SynchronousOffsets_LeaveWithSyncOncePerSet) {
   bench.set_transmission(0x1800);
   settle();
   for (int k = 0; k < 20; ++k) {
@@ -259,7 +259,7 @@ TEST_P(OffsetDrivesTest, SynchronousOffsetsLeaveWithSyncOnceForEachSet) {
   }
 }
 
-TEST_P(OffsetDrivesTest, OffsetsThatTheBusRefusesAreCounted) {
+TEST_P(OffsetDrivesTest, OffsetsRefusedByTheBus_AreCounted) {
   for (const bool synchronous : {false, true}) {
     if (synchronous) {
       bench.run_for(600'000);

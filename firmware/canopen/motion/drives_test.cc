@@ -1,12 +1,12 @@
-// What the drives hold when the compensator comes and goes: restarts and modes, in both modes of
-// output, and what the bus may not do to the joint path.
+// The correction that the drives hold across restarts and changes of mode, in inline and offset
+// mode, and frames that the joint path must ignore.
 #include "firmware/core/table/test_image.h"
 #include "firmware/testing/drives_bench.h"
 
 namespace armtrue::canopen {
 namespace {
 
-TEST_P(DrivesTest, ARestartBeginsWithWhatTheDrivesHold) {
+TEST_P(DrivesTest, Restart_BeginsWithTheCorrectionThatTheDrivesHold) {
   settle();
   EXPECT_EQ(status() & kUnknownBit, 0U);
   const Joints before = stand;
@@ -18,7 +18,7 @@ TEST_P(DrivesTest, ARestartBeginsWithWhatTheDrivesHold) {
   EXPECT_EQ(status() & kUnknownBit, 0U);
 }
 
-TEST_P(DrivesTest, ARestartInMidBlendGoesOnFromThere) {
+TEST_P(DrivesTest, RestartDuringABlend_ContinuesFromTheHeldCorrection) {
   settle();
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   rest(kStand, 8);
@@ -30,7 +30,7 @@ TEST_P(DrivesTest, ARestartInMidBlendGoesOnFromThere) {
   EXPECT_GT(farthest(stand, kStand), 150) << "enabled again: that had not been saved";
 }
 
-TEST_P(DrivesTest, AControllerThatBeginsWhereItIsToldItStandsMakesNoStep) {
+TEST_P(DrivesTest, ControllerStartsAtReportedPosition_MakesNoStep) {
   settle();
   restart();
   for (int k = 0; k < 3; ++k) {
@@ -44,7 +44,7 @@ TEST_P(DrivesTest, AControllerThatBeginsWhereItIsToldItStandsMakesNoStep) {
   EXPECT_EQ(seen, there);
 }
 
-TEST_P(DrivesTest, FeedbackThatIsLateIsUncorrectedFromTheFirstSetOn) {
+TEST_P(DrivesTest, LateFeedback_IsUncorrectedFromTheFirstSetOn) {
   ASSERT_EQ(bench.write(0x2000, 7, 3, 1), 0U);
   ASSERT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
   settle();
@@ -55,7 +55,7 @@ TEST_P(DrivesTest, FeedbackThatIsLateIsUncorrectedFromTheFirstSetOn) {
 TEST_P(DrivesTest, FeedbackIsUncorrectedByTheDeltaOfItsOwnCycle) {
   ASSERT_EQ(bench.write(0x2000, 7, 2, 1), 0U);
   settle();
-  std::vector<std::pair<Joints, Joints>> past;  // targets, where the drives stood
+  std::vector<std::pair<Joints, Joints>> past;  // targets, drive positions
   for (int k = 0; k < 50; ++k) {
     cycle(moved(kStand, 1000 * k));
     past.emplace_back(target, stand);
@@ -69,7 +69,7 @@ TEST_P(DrivesTest, FeedbackIsUncorrectedByTheDeltaOfItsOwnCycle) {
   }
 }
 
-TEST_P(DrivesTest, WithoutFeedbackItBeginsAtZeroAndSaysSo) {
+TEST_P(DrivesTest, WithoutFeedback_BeginsAtZeroAndSetsUnknownBit) {
   settle();
   restart();
   Joints first = {};
@@ -84,7 +84,7 @@ TEST_P(DrivesTest, WithoutFeedbackItBeginsAtZeroAndSaysSo) {
   EXPECT_EQ(status() & kUnknownBit, kUnknownBit);
 }
 
-TEST_P(DrivesTest, AnotherModeForgetsWhatTheDrivesHold) {
+TEST_P(DrivesTest, ChangeOfMode_ForgetsTheHeldCorrection) {
   settle();
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   rest(kStand, 200);
@@ -105,10 +105,10 @@ TEST_P(DrivesTest, AnotherModeForgetsWhatTheDrivesHold) {
 INSTANTIATE_TEST_SUITE_P(Modes, DrivesTest, ::testing::Values(Mode::kInline, Mode::kOffset),
                          mode_name);
 
-// Inline: the drives stand while the compensator is away.
+// Inline: the drives stand still while the compensator is off.
 class InlineDrivesTest : public DrivesTest {};
 
-TEST_P(InlineDrivesTest, LateFeedbackOfANewStream_IsNotUncorrectedByTheOneBefore) {
+TEST_P(InlineDrivesTest, LateFeedback_IgnoresCorrectionsBeforeTheModeChange) {
   ASSERT_EQ(bench.write(0x2000, 7, 3, 1), 0U);
   settle();
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
@@ -123,7 +123,7 @@ TEST_P(InlineDrivesTest, LateFeedbackOfANewStream_IsNotUncorrectedByTheOneBefore
   expect_uncorrected_from_the_first_set(30, 3);
 }
 
-TEST_P(InlineDrivesTest, FarFromTheFirstTargetTheNearestPermittedOutputIsTaken) {
+TEST_P(InlineDrivesTest, FirstTargetFarAway_StartsAtNearestPermittedOutput) {
   settle();
   restart();
   const Joints before = stand;
@@ -141,7 +141,7 @@ TEST_P(InlineDrivesTest, FarFromTheFirstTargetTheNearestPermittedOutputIsTaken) 
   EXPECT_EQ(seen, far);
 }
 
-TEST_P(InlineDrivesTest, LeavingOperationalKeepsWhatIsKnown) {
+TEST_P(InlineDrivesTest, LeavingOperational_KeepsTheKnownCorrection) {
   settle();
   bench.nmt(128);
   EXPECT_EQ(bench.node().nmt_state(), NmtState::kPreOperational) << "nothing to take back";
@@ -152,9 +152,9 @@ TEST_P(InlineDrivesTest, LeavingOperationalKeepsWhatIsKnown) {
 
 INSTANTIATE_TEST_SUITE_P(Inline, InlineDrivesTest, ::testing::Values(Mode::kInline));
 
-// What the bus may not do to the joint path.
+// Frames that the joint path must ignore.
 
-TEST_P(InlineDrivesTest, NmtFromTheDrivesSideIsPassedOnAndNotObeyed) {
+TEST_P(InlineDrivesTest, NmtFromTheDrivesSide_IsForwardedButNotObeyed) {
   settle();
   bench.upstream.take_sent();
   bench.from_drives(make_frame(0, {2, 0}));
@@ -164,7 +164,7 @@ TEST_P(InlineDrivesTest, NmtFromTheDrivesSideIsPassedOnAndNotObeyed) {
   EXPECT_EQ(passed[0].id, 0U);
 }
 
-TEST_P(InlineDrivesTest, SyncThatIsRemoteOrComesFromTheDrivesDividesNothing) {
+TEST_P(InlineDrivesTest, SyncThatIsRemoteOrFromTheDrives_EndsNoInterval) {
   settle();
   CanFrame remote = make_frame(0x80, {});
   remote.flags = kFrameRemote;
@@ -190,7 +190,7 @@ class BacklashTest : public DrivesTest {
     made.add_term(0, 1, 1e-3, 30);
     armtrue::tests::put(made.header(), format::header::kSequenceAt, std::uint32_t{2});
     bench.run_for(600'000);
-    // Drives of another resolution: nothing is corrected while that changes.
+    // Other drive resolution: corrections are disabled while it changes.
     EXPECT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
     for (std::uint16_t k = 0; k < 6; ++k) {
       EXPECT_EQ(bench.write(static_cast<std::uint16_t>(0x608F + 0x800 * k), 1, 1U << 24, 4), 0U);
@@ -208,19 +208,19 @@ class BacklashTest : public DrivesTest {
   Joints there = {};
 };
 
-TEST_P(BacklashTest, ThePauseOfAnArmThatStands_ChangesNothing) {
+TEST_P(BacklashTest, PauseAtRest_KeepsTheApproachDirection) {
   pause();
   EXPECT_EQ(rest(there, 200), 0);
   EXPECT_NEAR(stand[0] - there[0], kBacklash, 2);
 }
 
-TEST_P(BacklashTest, ThePauseOfAnArmThatStartsElsewhere_LeavesNoSideOfApproach) {
+TEST_P(BacklashTest, StartElsewhereAfterAPause_ForgetsApproachDirection) {
   pause();
   rest(there = moved(there, 500), 200);
   EXPECT_EQ(stand[0], there[0]) << "no direction, no backlash";
 }
 
-TEST_P(BacklashTest, DrivesThatMoveInAPause_LeaveNoSideOfApproach) {
+TEST_P(BacklashTest, MotionBeyondDeadBandInAPause_ForgetsDirection) {
   for (const std::int32_t way : {99, 101}) {
     SCOPED_TRACE(way);
     pause();
@@ -236,7 +236,7 @@ TEST_P(BacklashTest, DrivesThatMoveInAPause_LeaveNoSideOfApproach) {
   }
 }
 
-TEST_P(BacklashTest, AnotherModeAndBack_LeavesNoSideOfApproach) {
+TEST_P(BacklashTest, ChangeOfModeAndBack_ForgetsApproachDirection) {
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   rest(there, 200);
   bench.run_for(600'000);
@@ -248,7 +248,7 @@ TEST_P(BacklashTest, AnotherModeAndBack_LeavesNoSideOfApproach) {
   EXPECT_EQ(stand[0], there[0]);
 }
 
-TEST_P(BacklashTest, DrivesThatMoveInAStream_FollowTheirTargets) {
+TEST_P(BacklashTest, DriveMotionInAStream_KeepsApproachDirection) {
   stand[0] += 500;
   feed_back();
   rest(there, 200);
@@ -257,7 +257,7 @@ TEST_P(BacklashTest, DrivesThatMoveInAStream_FollowTheirTargets) {
 
 INSTANTIATE_TEST_SUITE_P(Inline, BacklashTest, ::testing::Values(Mode::kInline));
 
-TEST_P(InlineDrivesTest, ATemperatureThatComesBackEndsItsEmergency) {
+TEST_P(InlineDrivesTest, ReturningTemperature_EndsItsEmergency) {
   ASSERT_EQ(bench.write(0x2000, 6, 100, 4), 0U);
   ASSERT_EQ(bench.write(0x2020, 2, 2150, 2), 0U);
   take_output();

@@ -1,4 +1,4 @@
-// What reaches the drives, and what reaches the controller, whatever happens to the frames between.
+// What reaches the drives and the controller when frames are lost, late, repeated or malformed.
 #include "firmware/canopen/motion/joint_path.h"
 
 #include <gtest/gtest.h>
@@ -24,7 +24,7 @@ Joints at_cycle(int cycle) {
   return joints;
 }
 
-// The targets in the frames that left downstream; frames of other kinds are left out.
+// The targets in the frames that left downstream; other frames are skipped.
 Joints released(const std::vector<CanFrame>& frames) {
   Joints joints = {};
   for (const CanFrame& frame : frames) {
@@ -50,7 +50,7 @@ class InlineTest : public testing::Test {
     bench.downstream.take_sent();
     bench.upstream.take_sent();
   }
-  // One cycle of a millisecond: SYNC, then all targets. What came out downstream, targets only.
+  // One cycle of 1 ms: SYNC, then all targets. Returns the frames that left downstream.
   std::vector<CanFrame> cycle(int number) {
     bench.next_sync();
     bench.command_joints(at_cycle(number));
@@ -62,12 +62,12 @@ class InlineTest : public testing::Test {
   NodeBench bench;
 };
 
-TEST_F(InlineTest, RewritesTargetsByTheCompensatorsOwnDelta) {
+TEST_F(InlineTest, Targets_AreRewrittenByTheCompensatorsCorrection) {
   run(0, 100);
   const Joints out = released(cycle(100));
   const Joints in = at_cycle(100);
   for (std::size_t k = 0; k < 6; ++k) {
-    // amplitude 2^20 of the motor coordinate's unit times sin: the sign and size of the correction.
+    // Size and sign of the correction: amplitude 2^20 of the motor coordinate's unit, times sin.
     const double angle = 2.0 * M_PI * in[k] / std::pow(2.0, 20);
     EXPECT_NE(out[k], in[k]);
     EXPECT_LT(std::abs(out[k] - in[k]), 20000);
@@ -75,7 +75,7 @@ TEST_F(InlineTest, RewritesTargetsByTheCompensatorsOwnDelta) {
   }
 }
 
-TEST_F(InlineTest, WithoutATableEveryFramePassesBitIdentical) {
+TEST_F(InlineTest, WithoutATable_TargetsPassUnchanged) {
   NodeBench plain;
   plain.configure(Mode::kInline);
   plain.downstream.take_sent();
@@ -89,7 +89,7 @@ TEST_F(InlineTest, WithoutATableEveryFramePassesBitIdentical) {
   EXPECT_EQ(released(frames), at_cycle(3));
 }
 
-TEST_F(InlineTest, ALostFrameWithholdsTheSetAndTheNext) {
+TEST_F(InlineTest, LostFrame_WithholdsItsSetAndTheNext) {
   run(0, 10);
   const auto frames = NodeBench::targets(at_cycle(10));
   bench.next_sync();
@@ -101,7 +101,7 @@ TEST_F(InlineTest, ALostFrameWithholdsTheSetAndTheNext) {
   EXPECT_EQ(bench.node().joint_counters().withheld, 1U + 2U) << "the first of the stream as well";
 }
 
-TEST_F(InlineTest, ALateFrameNeverStandsForItsSuccessor) {
+TEST_F(InlineTest, LateFrame_IsNotUsedForTheNextSet) {
   run(0, 10);
   const auto frames = NodeBench::targets(at_cycle(10));
   bench.next_sync();
@@ -115,7 +115,7 @@ TEST_F(InlineTest, ALateFrameNeverStandsForItsSuccessor) {
   EXPECT_EQ(count_targets(cycle(13)), 3U);
 }
 
-TEST_F(InlineTest, WithoutSyncTheWindowKeepsCyclesApart) {
+TEST_F(InlineTest, WithoutSync_TheSetWindowSeparatesCycles) {
   ASSERT_EQ(bench.write(0x2000, 4, 500, 4), 0U);
   const auto lossy = NodeBench::targets(at_cycle(10));
   for (const int number : {8, 9}) {
@@ -134,7 +134,7 @@ TEST_F(InlineTest, WithoutSyncTheWindowKeepsCyclesApart) {
   EXPECT_EQ(bench.node().joint_counters().sets, 2U);
 }
 
-TEST_F(InlineTest, ARepeatedFrameChangesNothing) {
+TEST_F(InlineTest, RepeatedFrame_IsCountedAndIgnored) {
   run(0, 10);
   const auto frames = NodeBench::targets(at_cycle(10));
   bench.next_sync();
@@ -148,7 +148,7 @@ TEST_F(InlineTest, ARepeatedFrameChangesNothing) {
   EXPECT_EQ(bench.node().joint_counters().repeated, 2U);
 }
 
-TEST_F(InlineTest, ASecondControllerIsNoticedAndNothingIsMixed) {
+TEST_F(InlineTest, SecondController_IsReportedAndSetsAreNotMixed) {
   run(0, 10);
   const auto ours = NodeBench::targets(at_cycle(10));
   const auto theirs = NodeBench::targets(at_cycle(5000));
@@ -170,13 +170,13 @@ TEST_F(InlineTest, ASecondControllerIsNoticedAndNothingIsMixed) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U) << "over after a hundred clean sets";
 }
 
-TEST_F(InlineTest, MappingsDoNotChangeUnderWay) {
+TEST_F(InlineTest, MappingAndMode_CannotChangeDuringAStream) {
   run(0, 10);
   EXPECT_EQ(bench.write(0x1400, 1, 0x80000220, 4), static_cast<std::uint32_t>(Abort::kDeviceState));
   EXPECT_EQ(bench.write(0x2000, 1, 0, 1), static_cast<std::uint32_t>(Abort::kDeviceState));
 }
 
-TEST_F(InlineTest, OrderWithinACycleDoesNotMatterAndIsKept) {
+TEST_F(InlineTest, AnyFrameOrderWithinACycle_IsAcceptedAndKept) {
   run(0, 10);
   const auto frames = NodeBench::targets(at_cycle(10));
   bench.next_sync();
@@ -189,7 +189,7 @@ TEST_F(InlineTest, OrderWithinACycleDoesNotMatterAndIsKept) {
   EXPECT_EQ(out[2].id, 0x320U);
 }
 
-TEST_F(InlineTest, StaleInputStopsOutputAndSaysSo) {
+TEST_F(InlineTest, StaleInput_StopsOutputAndRaisesEmergency) {
   run(0, 10);
   bench.upstream.take_sent();
   bench.run_for(30'000);
@@ -207,9 +207,9 @@ TEST_F(InlineTest, StaleInputStopsOutputAndSaysSo) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-TEST_F(InlineTest, AStreamBeginsAgainWhereTheArmStands) {
+TEST_F(InlineTest, InterruptedStream_RestartsWithItsSecondSet) {
   run(0, 40);
-  bench.run_for(30'000);  // nobody commands: stale
+  bench.run_for(30'000);  // no targets: stale
   ASSERT_EQ(bench.node().joint_counters().stale, 1U);
   EXPECT_EQ(count_targets(cycle(39)), 0U) << "a stream begins with its second set";
   EXPECT_EQ(count_targets(cycle(39)), 3U);
@@ -218,7 +218,7 @@ TEST_F(InlineTest, AStreamBeginsAgainWhereTheArmStands) {
   EXPECT_EQ(count_targets(cycle(39)), 3U);
 }
 
-TEST_F(InlineTest, SyncWithItsCounter_ReleasesTargets) {
+TEST_F(InlineTest, SyncWithCounter_ReleasesTargets) {
   bench.set_transmission(0x1400);
   ASSERT_EQ(bench.write(0x1019, 0, 10, 1), 0U);
   for (int number = 1; number <= 10; ++number) {
@@ -232,7 +232,7 @@ TEST_F(InlineTest, SyncWithItsCounter_ReleasesTargets) {
   EXPECT_EQ(count_targets(bench.downstream.take_sent()), 0U) << "none that is of this bus";
 }
 
-TEST_F(InlineTest, AShortTargetIsNoTarget) {
+TEST_F(InlineTest, ShortTargetFrame_WithholdsItsSetAndIsReported) {
   run(0, 10);
   auto frames = NodeBench::targets(at_cycle(10));
   frames[1].len = 7;
@@ -247,7 +247,7 @@ TEST_F(InlineTest, AShortTargetIsNoTarget) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U) << "a hundred came out whole";
 }
 
-TEST_F(InlineTest, ALongerTargetKeepsItsOwnBytes) {
+TEST_F(InlineTest, LongerTargetFrame_KeepsItsFurtherBytes) {
   NodeBench fd(true, true);
   fd.configure(Mode::kInline);
   fd.downstream.take_sent();
@@ -268,7 +268,7 @@ TEST_F(InlineTest, ALongerTargetKeepsItsOwnBytes) {
   EXPECT_EQ(out[2].data[11], 0xAB);
 }
 
-TEST_F(InlineTest, EveryOtherFramePassesBitIdenticalBothWays) {
+TEST_F(InlineTest, OtherFrames_PassUnchangedInBothDirections) {
   std::vector<CanFrame> frames = {make_frame(0x601, {0x40, 1, 2, 3, 4, 5, 6, 7}),
                                   make_frame(0x80, {}), make_frame(0x181, {1, 2, 3}),
                                   make_frame(0x701, {5})};
@@ -294,7 +294,7 @@ TEST_F(InlineTest, EveryOtherFramePassesBitIdenticalBothWays) {
   }
 }
 
-TEST_F(InlineTest, NotOperationalMeansNoOutput) {
+TEST_F(InlineTest, NotOperational_SendsNoTargets) {
   run(0, 10);
   bench.nmt(128);
   bench.downstream.take_sent();
@@ -305,7 +305,7 @@ TEST_F(InlineTest, NotOperationalMeansNoOutput) {
   EXPECT_EQ(count_targets(cycle(13)), 3U);
 }
 
-TEST_F(InlineTest, DownstreamBusOffStopsOutputAndRecovers) {
+TEST_F(InlineTest, DownstreamBusOff_StopsOutputAndRecovers) {
   run(0, 10);
   bench.downstream.set_state(BusState::kBusOff);
   cycle(11);
@@ -317,14 +317,14 @@ TEST_F(InlineTest, DownstreamBusOffStopsOutputAndRecovers) {
   EXPECT_EQ(count_targets(cycle(13)), 3U) << "and nothing of what waited out the bus-off";
 }
 
-TEST_F(InlineTest, ASetIsNotSplitFurtherThanTheQueueForces) {
+TEST_F(InlineTest, FullQueue_HoldsBackTheRestOfTheSet) {
   run(0, 10);
   bench.downstream.set_room(1 + 1);  // SYNC, one target
   EXPECT_EQ(count_targets(cycle(10)), 1U);
   EXPECT_EQ(bench.node().joint_counters().output_refused, 2U);
 }
 
-TEST_F(InlineTest, TargetsBySdoAreSeenAndReported) {
+TEST_F(InlineTest, TargetsBySdo_AreForwardedAndReported) {
   bench.from_controller(make_frame(0x601, {0x23, 0x7A, 0x60, 0, 1, 2, 3, 4}));
   EXPECT_EQ(bench.downstream.take_sent().size(), 1U) << "passed on all the same";
   EXPECT_EQ(bench.read(0x2001, 11), 1U);
@@ -335,7 +335,7 @@ TEST_F(InlineTest, TargetsBySdoAreSeenAndReported) {
   }
 }
 
-TEST_F(InlineTest, DisablingBlendsOutWithoutAStep) {
+TEST_F(InlineTest, Disabling_FadesTheCorrectionWithoutAStep) {
   run(0, 100);
   Joints last = released(cycle(100));
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U) << "allowed in motion";
@@ -351,7 +351,7 @@ TEST_F(InlineTest, DisablingBlendsOutWithoutAStep) {
   EXPECT_EQ(last, at_cycle(299));
 }
 
-TEST_F(InlineTest, SynchronousTargetsLeaveWithSync) {
+TEST_F(InlineTest, SynchronousTargets_LeaveJustBeforeTheSync) {
   for (int k = 0; k < 3; ++k) {
     const auto index = static_cast<std::uint16_t>(0x1400 + k);
     ASSERT_EQ(bench.write(index, 2, 1, 1), 0U);
@@ -365,7 +365,7 @@ TEST_F(InlineTest, SynchronousTargetsLeaveWithSync) {
   EXPECT_EQ(out[3].id, 0x80U) << "the drives take the targets at this SYNC";
 }
 
-TEST_F(InlineTest, AtTheFirstSyncOnlyAFreshSetLeaves) {
+TEST_F(InlineTest, FirstSync_ReleasesNoOldSet) {
   bench.set_transmission(0x1400);
   bench.downstream.take_sent();
   bench.command_joints(at_cycle(0));
@@ -380,7 +380,7 @@ TEST_F(InlineTest, AtTheFirstSyncOnlyAFreshSetLeaves) {
   }
 }
 
-TEST(OffsetTest, SendsOffsetsOnceForEachSetAndNeverOtherwise) {
+TEST(OffsetTest, Offsets_AreSentOncePerCompleteSetOnly) {
   NodeBench bench(false);
   bench.install(TestTable{}.image());
   bench.configure(Mode::kOffset);
@@ -407,7 +407,7 @@ TEST(OffsetTest, SendsOffsetsOnceForEachSetAndNeverOtherwise) {
   for (const CanFrame& frame : bench.upstream.take_sent()) EXPECT_EQ(frame.id, 0xA0U);
 }
 
-TEST(OffsetTest, OneFdFrameCarriesAllTargetsAndOneAllOffsets) {
+TEST(OffsetTest, FdFrames_CarryAllTargetsAndAllOffsets) {
   NodeBench bench(false, true);
   bench.install(TestTable{}.image());
   const auto map = [&](std::uint16_t base, std::uint32_t object) {
@@ -444,7 +444,7 @@ TEST(OffsetTest, OneFdFrameCarriesAllTargetsAndOneAllOffsets) {
   EXPECT_NE(last, 0);
 }
 
-TEST(JointPathTest, TargetsOfTooFewJointsAreNeverEvaluated) {
+TEST(JointPathTest, TargetsOfTooFewJoints_AreForwardedUncorrected) {
   NodeBench bench;
   ASSERT_EQ(bench.write(0x1400, 1, 0x220, 4), 0U);
   ASSERT_EQ(bench.write(0x2000, 1, 1, 1), 0U);
@@ -456,7 +456,7 @@ TEST(JointPathTest, TargetsOfTooFewJointsAreNeverEvaluated) {
   EXPECT_EQ(bench.read(0x2001, 2) & 1U, 0U) << "status: not configured";
 }
 
-// RPDO 4 maps axis 1, which RPDO 1 has.
+// RPDO 4 maps axis 1, which RPDO 1 maps already.
 class AxisMappedTwiceTest : public testing::Test {
  protected:
   AxisMappedTwiceTest() {
@@ -469,7 +469,7 @@ class AxisMappedTwiceTest : public testing::Test {
   NodeBench bench;
 };
 
-TEST_F(AxisMappedTwiceTest, IsRefusedWhereTheSecondIsSwitchedOn) {
+TEST_F(AxisMappedTwiceTest, SecondRpdo_CannotBeSwitchedOn) {
   EXPECT_EQ(bench.write(0x1403, 1, 0x520, 4),
             static_cast<std::uint32_t>(Abort::kIncompatibleParameter));
   EXPECT_EQ(bench.read(0x2001, 2) & 1U, 1U) << "what there was stays";
@@ -479,7 +479,7 @@ TEST_F(AxisMappedTwiceTest, IsRefusedWhereTheSecondIsSwitchedOn) {
             static_cast<std::uint32_t>(Abort::kIncompatibleParameter));
 }
 
-TEST_F(AxisMappedTwiceTest, WithinOneRpdo_IsRefusedToo) {
+TEST_F(AxisMappedTwiceTest, AxisTwiceInOneRpdo_IsRefused) {
   ASSERT_EQ(bench.write(0x1400, 1, 0x80000220, 4), 0U);
   EXPECT_EQ(bench.write(0x1603, 0, 0, 1), 0U);
   EXPECT_EQ(bench.write(0x1603, 2, 0x607A0020, 4), 0U);
@@ -488,7 +488,7 @@ TEST_F(AxisMappedTwiceTest, WithinOneRpdo_IsRefusedToo) {
             static_cast<std::uint32_t>(Abort::kIncompatibleParameter));
 }
 
-TEST_F(AxisMappedTwiceTest, OffOrOfOtherObjects_IsNoMatter) {
+TEST_F(AxisMappedTwiceTest, RpdosOffOrWithOtherObjects_AreAccepted) {
   EXPECT_EQ(bench.write(0x1403, 1, 0x80000520, 4), 0U);
   EXPECT_EQ(bench.write(0x140C, 1, 0x1D0, 4), 0U) << "no target";
   EXPECT_EQ(bench.write(0x1803, 1, 0x400004A0, 4), 0U) << "a TPDO of the same number";

@@ -1,4 +1,4 @@
-// Quantiles without the values: within an eighth, whatever came.
+// Quantiles from a histogram: within an eighth of the true value.
 #include "firmware/canopen/motion/latency.h"
 
 #include <gtest/gtest.h>
@@ -12,7 +12,7 @@ Latency of(std::initializer_list<std::uint32_t> values) {
   return latency;
 }
 
-TEST(LatencyTest, Nothing_IsZeroThroughout) {
+TEST(LatencyTest, NoValues_AllStatisticsAreZero) {
   const Latency none;
   EXPECT_EQ(none.least(), 0U);
   EXPECT_EQ(none.quantile(500), 0U);
@@ -28,7 +28,7 @@ TEST(LatencyTest, OneValue_IsEveryQuantile) {
   EXPECT_EQ(of({0}).most(), 0U);
 }
 
-TEST(LatencyTest, Quantile_IsTheSmallestThatCoversSoMany) {
+TEST(LatencyTest, Quantile_IsTheSmallestValueThatCoversTheShare) {
   EXPECT_EQ(of({5, 900}).quantile(500), 5U);
   EXPECT_EQ(of({5, 7, 900}).quantile(500), 7U);
   EXPECT_EQ(of({0, 0, 7}).quantile(500), 0U);
@@ -39,7 +39,7 @@ TEST(LatencyTest, Quantile_IsRoundedUpToTheEndOfItsClass) {
   EXPECT_EQ(of({64, 64, 1000}).quantile(500), 71U) << "64 to 127 in eight classes of eight";
 }
 
-TEST(LatencyTest, Quantiles_OfMoreThanAClassCounts_KeepTheirShares) {
+TEST(LatencyTest, MoreValuesThanAClassCounts_QuantilesStayCorrect) {
   Latency latency;
   for (int k = 0; k < 1'000'000; ++k) latency.note(k % 100 == 0 ? 900U : 5U);
   EXPECT_EQ(latency.count(), 1'000'000U);
@@ -49,7 +49,7 @@ TEST(LatencyTest, Quantiles_OfMoreThanAClassCounts_KeepTheirShares) {
   EXPECT_EQ(latency.quantile(1000), 5'000'000U);
 }
 
-TEST(LatencyTest, QuantilesAreWithinAnEighth) {
+TEST(LatencyTest, Quantiles_AreWithinAnEighth) {
   Latency latency;
   for (std::uint32_t value = 1; value <= 10000; ++value) latency.note(value);
   EXPECT_EQ(latency.least(), 1U);

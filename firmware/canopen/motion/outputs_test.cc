@@ -1,5 +1,5 @@
-// What the drives were really given: a bus that refuses, SYNC that is absent or takes only every
-// n-th set along. Steps are reckoned from what each drive holds, and no pause earns one.
+// Outputs that do not reach the drives: the bus refuses them, SYNC is absent or releases only every
+// n-th set. A step starts from the value that each drive holds; a pause permits no larger step.
 #include "firmware/testing/drives_bench.h"
 
 namespace armtrue::canopen {
@@ -7,7 +7,7 @@ namespace {
 
 constexpr std::uint32_t kOutputRefused = 7;
 
-// A correction of 0.04 turn, hundreds of cycles away at the permitted rate.
+// A correction of 0.04 turn, which takes hundreds of cycles at the permitted rate.
 class OutputsTest : public DrivesTest {
  protected:
   OutputsTest() {
@@ -32,7 +32,7 @@ class OutputsTest : public DrivesTest {
 class InlineOutputsTest : public OutputsTest {};
 class OffsetOutputsTest : public OutputsTest {};
 
-TEST_P(OffsetOutputsTest, FadeWithoutSync_WaitsForSyncAndMakesNoStep) {
+TEST_P(OffsetOutputsTest, FadeWithoutSync_WaitsForSyncWithoutAStep) {
   make_synchronous(1);
   settle_far();
   const Joints before = held;
@@ -46,7 +46,7 @@ TEST_P(OffsetOutputsTest, FadeWithoutSync_WaitsForSyncAndMakesNoStep) {
   EXPECT_EQ(held, Joints{});
 }
 
-TEST_P(OffsetOutputsTest, LeavingAfterAFadeWithoutSync_TakesTheOffsetsBackFirst) {
+TEST_P(OffsetOutputsTest, NmtStopAfterFadeWithoutSync_ZeroesOffsetsFirst) {
   make_synchronous(1);
   settle_far();
   wait(700);
@@ -59,7 +59,7 @@ TEST_P(OffsetOutputsTest, LeavingAfterAFadeWithoutSync_TakesTheOffsetsBackFirst)
   EXPECT_EQ(state(), NmtState::kPreOperational);
 }
 
-TEST_P(OffsetOutputsTest, BusThatRefuses_IsReportedAndTheCorrectionDoesNotRunAhead) {
+TEST_P(OffsetOutputsTest, BusRefusesOffsets_IsReportedAndCorrectionWaits) {
   for (const std::size_t room : {0U, 1U}) {
     SCOPED_TRACE(room);
     settle_far();
@@ -87,7 +87,7 @@ TEST_P(OffsetOutputsTest, BusThatRefuses_IsReportedAndTheCorrectionDoesNotRunAhe
   }
 }
 
-TEST_P(OffsetOutputsTest, BusThatRefusesUnderSync_MakesNoStep) {
+TEST_P(OffsetOutputsTest, BusRefusesSynchronousOffsets_MakesNoStep) {
   make_synchronous(1);
   settle_far();
   Joints there = kStand;
@@ -109,7 +109,7 @@ TEST_P(OffsetOutputsTest, BusThatRefusesUnderSync_MakesNoStep) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-TEST_P(OffsetOutputsTest, LeavingWhileTheBusRefuses_WaitsUntilZeroHasLeft) {
+TEST_P(OffsetOutputsTest, NmtStopWhileTheBusRefuses_WaitsUntilZeroIsSent) {
   settle_far();
   bench.upstream.set_room(0);
   nmt(128);
@@ -121,7 +121,7 @@ TEST_P(OffsetOutputsTest, LeavingWhileTheBusRefuses_WaitsUntilZeroHasLeft) {
   EXPECT_EQ(state(), NmtState::kPreOperational);
 }
 
-TEST_P(OffsetOutputsTest, LastZeroThatIsRefused_IsSentAgain) {
+TEST_P(OffsetOutputsTest, RefusedLastZero_IsSentAgain) {
   settle_far();
   nmt(128);
   for (int k = 0; k < 1000 && state() == NmtState::kOperational; ++k) {
@@ -134,7 +134,7 @@ TEST_P(OffsetOutputsTest, LastZeroThatIsRefused_IsSentAgain) {
   EXPECT_EQ(state(), NmtState::kPreOperational);
 }
 
-TEST_P(OffsetOutputsTest, EveryNthSync_CarriesAStepOfOneCycle) {
+TEST_P(OffsetOutputsTest, OffsetsAtEveryNthSync_CarryTheStepOfOneCycle) {
   for (const int type : {2, 10, 100}) {
     SCOPED_TRACE(type);
     bench.run_for(600'000);
@@ -161,7 +161,7 @@ TEST_P(OffsetOutputsTest, EveryNthSync_CarriesAStepOfOneCycle) {
   }
 }
 
-TEST_P(OffsetOutputsTest, OffsetThatHasNotLeft_IsNotReadAsGiven) {
+TEST_P(OffsetOutputsTest, UnsentOffset_IsNotReportedIn60B0) {
   settle_far();
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   take_output();
@@ -174,7 +174,7 @@ TEST_P(OffsetOutputsTest, OffsetThatHasNotLeft_IsNotReadAsGiven) {
   EXPECT_NE(before[0], 0);
 }
 
-TEST_P(InlineOutputsTest, SetThatLeavesInPart_MovesTheRefusedJointsNoFurther) {
+TEST_P(InlineOutputsTest, SetSentInPart_DoesNotAdvanceTheRefusedJoints) {
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   target = stand = kStand;
   rest(kStand, 100);
@@ -200,7 +200,7 @@ TEST_P(InlineOutputsTest, SetThatLeavesInPart_MovesTheRefusedJointsNoFurther) {
   EXPECT_GT(std::abs(stand[5] - kStand[5]), 30'000);
 }
 
-TEST_P(InlineOutputsTest, LastStepToZeroThatIsRefused_IsMadeWithTheNextSet) {
+TEST_P(InlineOutputsTest, RefusedLastStepToZero_IsMadeWithTheNextSet) {
   settle_far();
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   for (int k = 0; k < 1000; ++k) {
@@ -218,8 +218,8 @@ TEST_P(InlineOutputsTest, LastStepToZeroThatIsRefused_IsMadeWithTheNextSet) {
   EXPECT_EQ(bench.compensator().state(), CompensatorState::kPassThrough);
 }
 
-// Disabled, it blends out whatever the drives hold, also what an earlier life gave them.
-TEST_P(OutputsTest, DisabledBetweenARestartAndTheFirstSet_BlendsOutWhatTheDrivesHold) {
+// Disabled, the node fades out what the drives hold, also a correction from before the restart.
+TEST_P(OutputsTest, DisabledBeforeTheFirstSet_FadesTheHeldCorrection) {
   settle_far();
   bench.power_on();
   take_output();

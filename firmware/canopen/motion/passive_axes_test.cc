@@ -1,4 +1,4 @@
-// A joint that bars turn: its axis has no drive on the bus, and nobody waits for one.
+// A passive joint, turned by bars: its axis has no drive on the bus, and the node waits for none.
 #include <gtest/gtest.h>
 
 #include "firmware/testing/node_bench.h"
@@ -32,7 +32,7 @@ class PassiveAxisTest : public testing::Test {
     EXPECT_EQ(bench.write(index, sub, value, size), 0U) << std::hex << index;
   }
   bool is_configured() { return (bench.read(0x2001, 2) & 1U) != 0; }
-  // A set without axis 6; the targets that left downstream, of which one is axis 5's.
+  // Sends a set without axis 6. Returns the targets that left downstream; the last is axis 5's.
   std::vector<CanFrame> cycle(std::int32_t target) {
     bench.next_sync();
     auto frames = NodeBench::targets({target, target, target, target, target, 0});
@@ -48,7 +48,7 @@ class PassiveAxisTest : public testing::Test {
   NodeBench bench;
 };
 
-TEST_F(PassiveAxisTest, Inline_TargetsOfTheOthersAreASet) {
+TEST_F(PassiveAxisTest, Inline_TargetsOfTheOtherAxesFormASet) {
   bench.install(without_the_last.image());
   configure(Mode::kInline);
   EXPECT_TRUE(is_configured());
@@ -60,7 +60,7 @@ TEST_F(PassiveAxisTest, Inline_TargetsOfTheOthersAreASet) {
   EXPECT_NE(load_le<std::int32_t>(&sent[2].data[0]), 100'000);
 }
 
-TEST_F(PassiveAxisTest, Offset_BeginsOnceTheOthersWereHeard) {
+TEST_F(PassiveAxisTest, Offset_BeginsOnceTheOtherDrivesHaveReported) {
   bench.install(without_the_last.image());
   configure(Mode::kOffset);
   EXPECT_TRUE(is_configured());
@@ -77,7 +77,7 @@ TEST_F(PassiveAxisTest, Offset_BeginsOnceTheOthersWereHeard) {
   EXPECT_EQ(static_cast<std::int32_t>(bench.read(0x88B0, 0)), 0) << "axis 6";
 }
 
-TEST_F(PassiveAxisTest, TableWithADriveThere_NeedsItsTarget) {
+TEST_F(PassiveAxisTest, TableWithDriveOnAxis6_NeedsItsTarget) {
   bench.install(with_drives.image());
   configure(Mode::kInline);
   EXPECT_FALSE(is_configured());
@@ -86,7 +86,7 @@ TEST_F(PassiveAxisTest, TableWithADriveThere_NeedsItsTarget) {
   EXPECT_TRUE(is_configured());
 }
 
-TEST_F(PassiveAxisTest, MappedAllTheSame_PassesUnchanged) {
+TEST_F(PassiveAxisTest, PassiveAxisTargetMapped_PassesUnchanged) {
   bench.install(without_the_last.image());
   bench.configure(Mode::kInline);
   std::vector<CanFrame> sent;
@@ -101,8 +101,8 @@ TEST_F(PassiveAxisTest, MappedAllTheSame_PassesUnchanged) {
   EXPECT_EQ(load_le<std::int32_t>(&sent[0].data[4]), 77'777);
 }
 
-// The first table of all: until it was verified nobody knows that axis 6 has no drive to disable.
-TEST_F(PassiveAxisTest, Commit_AsksTheDrivesThatThereAre) {
+// First table: until it is verified, the node does not know that axis 6 has no drive to disable.
+TEST_F(PassiveAxisTest, Commit_RequiresOnlyExistingDrivesDisabled) {
   for (std::uint16_t k = 0; k < 5; ++k) {
     const auto record = static_cast<std::uint16_t>(0x1408 + k);
     map_alone(record, static_cast<std::uint16_t>(0x1608 + k), 0x1D0U + k,

@@ -1,4 +1,4 @@
-// Which frames together are a set, asked of the assembler itself.
+// Which frames form a set: SetAssembler alone, without a node.
 #include "firmware/canopen/motion/set_assembler.h"
 
 #include <gtest/gtest.h>
@@ -48,7 +48,7 @@ class SetAssemblerTest : public testing::Test {
   SetAssembler sets;
 };
 
-TEST_F(SetAssemblerTest, OnlyRpdosWithTargets_AreOfTheSet) {
+TEST_F(SetAssemblerTest, OnlyRpdosWithTargets_BelongToTheSet) {
   configure(255);
   EXPECT_TRUE(sets.has_targets_of(kBoth));
   EXPECT_FALSE(sets.carries_target(0));
@@ -66,7 +66,7 @@ TEST_F(SetAssemblerTest, AJointWithoutATarget_MeansNoSet) {
   EXPECT_FALSE(sets.has_targets_of(7)) << "joint 3 is missing";
 }
 
-TEST_F(SetAssemblerTest, Configure_DropsTheSetInTheMaking) {
+TEST_F(SetAssemblerTest, Configure_DropsThePartialSet) {
   configure(1);
   EXPECT_EQ(take(1, 5), SetEvent::kHeld);
   configure(1);
@@ -74,7 +74,7 @@ TEST_F(SetAssemblerTest, Configure_DropsTheSetInTheMaking) {
   EXPECT_EQ(take(2, 5), SetEvent::kHeld) << "the first frame is gone";
 }
 
-TEST_F(SetAssemblerTest, Drop_TrustsNothingThatFollows) {
+TEST_F(SetAssemblerTest, Drop_WithholdsTheNextSet) {
   configure(255);
   send_set(5);
   EXPECT_EQ(take(1, 6), SetEvent::kHeld);
@@ -84,7 +84,7 @@ TEST_F(SetAssemblerTest, Drop_TrustsNothingThatFollows) {
   EXPECT_EQ(take(2, 7), SetEvent::kHeld) << "not the first set behind it";
 }
 
-TEST_F(SetAssemblerTest, RepeatsOfTheSetThatWentOut_AreNoLoss) {
+TEST_F(SetAssemblerTest, RepeatsOfTheSentSet_AreNotCountedAsLoss) {
   configure(1);
   send_set(5);
   for (const std::size_t rpdo : {1U, 2U}) {
@@ -106,7 +106,7 @@ TEST_F(SetAssemblerTest, AWholeSet_WaitsForItsSyncForTwoIntervals) {
   EXPECT_FALSE(sets.is_on_time(kWindowUs, 4'101));
 }
 
-TEST_F(SetAssemblerTest, OneLateOrLostSync_IsNotTakenForAnotherInterval) {
+TEST_F(SetAssemblerTest, OneLateOrLostSync_KeepsTheMeasuredInterval) {
   for (const std::uint64_t late_us : {600U, 900U, 1'000U, 1'500U}) {
     SCOPED_TRACE(late_us);
     configure(1);
@@ -127,7 +127,7 @@ TEST_F(SetAssemblerTest, OneLateOrLostSync_IsNotTakenForAnotherInterval) {
   }
 }
 
-TEST_F(SetAssemblerTest, AnotherSyncInterval_IsKnownAfterTwoOfThem) {
+TEST_F(SetAssemblerTest, NewSyncInterval_IsUsedOnceItCameTwice) {
   configure(1);
   for (std::uint64_t us = 1'000; us <= 5'000; us += 1'000) sets.note_sync(us);
   sets.note_sync(9'000);
@@ -161,7 +161,7 @@ TEST_F(SetAssemblerTest, BeforeTheSecondSync_AWholeSetWaitsForTheSetWindow) {
   EXPECT_FALSE(sets.is_on_time(kWindowUs, 2'601));
 }
 
-TEST_F(SetAssemblerTest, APartOfASet_WaitsForThreeQuartersOfAnInterval) {
+TEST_F(SetAssemblerTest, PartialSet_WaitsForThreeQuartersOfAnInterval) {
   configure(1);
   sets.note_sync(1'000);
   sets.note_sync(2'000);
@@ -171,7 +171,7 @@ TEST_F(SetAssemblerTest, APartOfASet_WaitsForThreeQuartersOfAnInterval) {
   EXPECT_FALSE(sets.is_over(900, 3'000)) << "or for the set window, if that is longer";
 }
 
-TEST_F(SetAssemblerTest, WithoutSync_APartOfASetWaitsForTheSetWindow) {
+TEST_F(SetAssemblerTest, WithoutSync_PartialSetWaitsForTheSetWindow) {
   configure(255);
   take(1, 5, 2'000);
   EXPECT_FALSE(sets.is_over(kWindowUs, 2'500));

@@ -1,4 +1,4 @@
-// What is learnt of a controller without SYNC: how long its sets take.
+// The set window that is learnt from a controller without SYNC.
 #include "firmware/canopen/motion/set_window.h"
 
 #include <gtest/gtest.h>
@@ -25,7 +25,7 @@ class SetWindowTest : public testing::Test {
   void sets(int count, const std::vector<std::uint64_t>& gaps_us, std::uint64_t pause_us) {
     for (int k = 0; k < count; ++k) set(gaps_us, pause_us);
   }
-  // Of which a set consists: the RPDOs that set() uses.
+  // From now on a set consists of the first `count` RPDOs that set() uses.
   void expect_frames(std::size_t count) { window.restart(((1U << count) - 1U) << 2); }
   std::uint32_t in_force() const { return window.in_force(kConfigured); }
 
@@ -33,9 +33,9 @@ class SetWindowTest : public testing::Test {
   std::uint64_t now_us = 5'000'000;
 };
 
-TEST_F(SetWindowTest, EightRoundsThatAgree_AreLearnt) {
+TEST_F(SetWindowTest, EightAgreeingRounds_SetTheWindow) {
   expect_frames(3);
-  // From a frame to the next of the same kind is a round: the ninth set ends the eighth.
+  // A round lasts from a frame to the next of the same RPDO: the ninth set ends the eighth round.
   sets(8, {300, 200}, 1500);
   EXPECT_EQ(in_force(), kConfigured);
   sets(1, {300, 200}, 1500);
@@ -50,7 +50,7 @@ TEST_F(SetWindowTest, FramesAtTheSameTime_CountAsAGapOfZero) {
   EXPECT_EQ(in_force(), 501U);
 }
 
-TEST_F(SetWindowTest, APauseHardlyLongerThanAGap_IsNone) {
+TEST_F(SetWindowTest, PauseUpToFiveQuartersOfTheGap_IsNotLearnt) {
   expect_frames(2);
   sets(30, {400}, 500);
   EXPECT_EQ(in_force(), kConfigured);
@@ -58,7 +58,7 @@ TEST_F(SetWindowTest, APauseHardlyLongerThanAGap_IsNone) {
   EXPECT_EQ(in_force(), 451U);
 }
 
-TEST_F(SetWindowTest, ARoundThatMissesAFrame_BeginsTheCountAgain) {
+TEST_F(SetWindowTest, RoundWithAMissingFrame_RestartsTheCount) {
   expect_frames(3);
   sets(7, {300, 200}, 1500);
   set({300}, 1700);  // its first frame ends the seventh round
@@ -68,7 +68,7 @@ TEST_F(SetWindowTest, ARoundThatMissesAFrame_BeginsTheCountAgain) {
   EXPECT_EQ(in_force(), 1100U);
 }
 
-TEST_F(SetWindowTest, AFrameThatComesTwice_BeginsTheCountAgain) {
+TEST_F(SetWindowTest, RepeatedFrame_RestartsTheCount) {
   expect_frames(2);
   sets(7, {300}, 1500);
   window.note(2, now_us);
@@ -79,15 +79,15 @@ TEST_F(SetWindowTest, AFrameThatComesTwice_BeginsTheCountAgain) {
   EXPECT_EQ(in_force(), kConfigured);
 }
 
-TEST_F(SetWindowTest, WhatWasLearntOfASlowerController_IsForgotten) {
+TEST_F(SetWindowTest, SlowerRoundsBeforeAnUnclearPause_AreForgotten) {
   expect_frames(2);
   sets(7, {900}, 2000);
-  set({900}, 1000);  // no pause to speak of
+  set({900}, 1000);  // no clear pause
   sets(9, {100}, 900);
   EXPECT_EQ(in_force(), 500U);
 }
 
-TEST_F(SetWindowTest, ASetAsLongAsAnothersWindow_IsNotToldApart) {
+TEST_F(SetWindowTest, SetAsLongAsTheWindowOfOthers_IsNotLearnt) {
   expect_frames(2);
   for (int k = 0; k < 10; ++k) {
     set({100}, 900);   // window 500
@@ -98,7 +98,7 @@ TEST_F(SetWindowTest, ASetAsLongAsAnothersWindow_IsNotToldApart) {
   EXPECT_EQ(in_force(), 500U) << "once it is even";
 }
 
-TEST_F(SetWindowTest, AnotherPace_IsLearntAnew) {
+TEST_F(SetWindowTest, ChangedPause_IsLearntAfterEightRounds) {
   expect_frames(2);
   sets(8, {100}, 900);
   set({100}, 1900);  // its first frame ends the eighth round

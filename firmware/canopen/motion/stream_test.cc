@@ -1,4 +1,4 @@
-// Streams of targets that fail, end or wait: what is said, and what is taken back.
+// Streams of targets that fail, end or wait: emergencies raised and corrections undone.
 #include <gtest/gtest.h>
 
 #include "firmware/testing/drives_bench.h"
@@ -6,7 +6,7 @@
 namespace armtrue::canopen {
 namespace {
 
-// Why sets do not come out: information of that emergency (docs/protocol.md).
+// Reasons why sets do not go out: information of emergency 0xFF15 (docs/protocol.md).
 constexpr std::uint32_t kFramesMissing = 1;
 constexpr std::uint32_t kContradictions = 2;
 constexpr std::uint32_t kPositionUnknown = 3;
@@ -21,7 +21,7 @@ class StreamTest : public DrivesTest {
   // The newest emergency in the history: code, and two bytes of information above it.
   std::uint32_t newest_error() { return bench.read(0x1003, 1); }
   void expect_withheld(std::uint32_t why) { EXPECT_EQ(newest_error(), why << 16 | kSetsWithheld); }
-  // Sets that were evaluated and have neither gone out nor been taken back.
+  // Number of evaluated sets that were neither sent nor undone.
   std::uint32_t waiting() {
     return bench.compensator().counters().cycles - bench.node().joint_counters().steps;
   }
@@ -31,7 +31,7 @@ class StreamTest : public DrivesTest {
 class InlineStreamTest : public StreamTest {};
 class OffsetStreamTest : public StreamTest {};
 
-TEST_P(InlineStreamTest, SetsThatLackAFrame_SaySo) {
+TEST_P(InlineStreamTest, SetsWithMissingFrames_RaiseEmergency) {
   // The alarm does not depend on how many sets went out before.
   for (int before = 10; before < 12; ++before) {
     rest(kStand, before);
@@ -46,7 +46,7 @@ TEST_P(InlineStreamTest, SetsThatLackAFrame_SaySo) {
   }
 }
 
-TEST_P(InlineStreamTest, SetsThatAreContradicted_SaySo) {
+TEST_P(InlineStreamTest, ContradictedSets_RaiseEmergency) {
   for (const bool is_synchronous : {false, true}) {
     if (is_synchronous) make_synchronous();
     rest(kStand, 10);
@@ -64,7 +64,7 @@ TEST_P(InlineStreamTest, SetsThatAreContradicted_SaySo) {
   }
 }
 
-TEST_P(InlineStreamTest, SynchronousTargetsWithoutSync_SaySo) {
+TEST_P(InlineStreamTest, SynchronousTargetsWithoutSync_RaiseEmergency) {
   make_synchronous();
   ASSERT_EQ(bench.write(0x1003, 0, 0, 1), 0U);
   for (int k = 0; k < 110; ++k) {
@@ -74,12 +74,12 @@ TEST_P(InlineStreamTest, SynchronousTargetsWithoutSync_SaySo) {
   expect_withheld(kSyncMissing);
 }
 
-TEST_P(OffsetStreamTest, AnArmThatNeverStands_SaysThatItsOffsetIsUnknown) {
+TEST_P(OffsetStreamTest, ArmAlwaysInMotion_ReportsUnknownPosition) {
   for (int k = 0; k < 130; ++k) cycle(moved(kStand, 100 * k));
   expect_withheld(kPositionUnknown);
 }
 
-TEST_P(InlineStreamTest, WhereSyncStops_TheSetWindowTakesOver) {
+TEST_P(InlineStreamTest, SyncStops_TheSetWindowTakesOver) {
   settle();
   const std::uint32_t sets = counters().sets;
   for (int k = 0; k < 100; ++k) {
@@ -89,7 +89,7 @@ TEST_P(InlineStreamTest, WhereSyncStops_TheSetWindowTakesOver) {
   EXPECT_GT(counters().sets, sets + 70) << "20 ms of it: SYNC could still be late";
 }
 
-TEST_P(InlineStreamTest, ASetThatWaitsForSync_IsTakenBackByAnotherMapping) {
+TEST_P(InlineStreamTest, PdoReconfiguration_UndoesTheSetThatWaitsForSync) {
   make_synchronous();
   ASSERT_EQ(bench.write(0x2000, 3, 1'000'000, 4), 0U);
   ASSERT_EQ(bench.write(0x2000, 5, 100, 4), 0U);
@@ -101,7 +101,7 @@ TEST_P(InlineStreamTest, ASetThatWaitsForSync_IsTakenBackByAnotherMapping) {
   EXPECT_EQ(waiting(), 0U);
 }
 
-TEST_P(StreamTest, NothingIsEvaluatedThatNeitherWentOutNorWasTakenBack) {
+TEST_P(StreamTest, EveryEvaluatedSet_IsSentOrUndone) {
   settle();
   EXPECT_EQ(waiting(), 0U);
   make_synchronous();
@@ -121,7 +121,7 @@ TEST_P(InlineStreamTest, ShortActualPositions_AreCounted) {
   EXPECT_EQ(bench.read(0x2001, 10), 1U);
 }
 
-TEST_P(InlineStreamTest, ASeventhAxisOfTheDrives_IsNobodysJoint) {
+TEST_P(InlineStreamTest, ActualPositionOfASeventhAxis_IsIgnored) {
   ASSERT_EQ(bench.write(0x160C, 0, 0, 1), 0U);
   ASSERT_EQ(bench.write(0x160C, 1, 0x90640020, 4), 0U);
   ASSERT_EQ(bench.write(0x160C, 0, 1, 1), 0U);
@@ -133,7 +133,7 @@ TEST_P(InlineStreamTest, ASeventhAxisOfTheDrives_IsNobodysJoint) {
   EXPECT_EQ(status() & kUnknownBit, 0U) << "the six joints were heard";
 }
 
-TEST_P(InlineStreamTest, AJointThatWasNotHeard_LeavesItUnknownWhatTheDrivesHold) {
+TEST_P(InlineStreamTest, JointWithoutActualPosition_KeepsTheUnknownBit) {
   ASSERT_EQ(bench.write(0x1408, 1, 0x800001C0, 4), 0U);
   ASSERT_EQ(bench.write(0x1608, 0, 0, 1), 0U);
   ASSERT_EQ(bench.write(0x1608, 1, 0x68640020, 4), 0U);  // joint 2 alone
@@ -143,10 +143,10 @@ TEST_P(InlineStreamTest, AJointThatWasNotHeard_LeavesItUnknownWhatTheDrivesHold)
   EXPECT_EQ(status() & kUnknownBit, kUnknownBit) << "joint 1";
 }
 
-TEST_P(OffsetStreamTest, OffsetsThatTheDrivesReadBack_MayBeAFewCyclesOld) {
+TEST_P(OffsetStreamTest, OffsetsReadBackFromDrives_MayBeAFewCyclesOld) {
   map_offset_of_joint_1();
   settle();
-  // Moving joints: the offset is another one in every cycle.
+  // The joints move, so that the offset differs in every cycle.
   std::vector<std::int32_t> had(1, held[0]);
   for (int k = 1; k < 60; ++k) {
     cycle(moved(kStand, 2000 * k));
@@ -156,7 +156,7 @@ TEST_P(OffsetStreamTest, OffsetsThatTheDrivesReadBack_MayBeAFewCyclesOld) {
   }
   EXPECT_NE(had[20], had[50]);
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
-  // Twenty in a row that are none of those: the alarm, and not before.
+  // Twenty values in a row that are none of those raise the alarm; nineteen do not.
   for (int k = 0; k < 19; ++k) drive_has(1'000'000);
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
   drive_has(held[0]);
@@ -166,7 +166,7 @@ TEST_P(OffsetStreamTest, OffsetsThatTheDrivesReadBack_MayBeAFewCyclesOld) {
   EXPECT_EQ(newest_error(), 0x0001FF17U);
 }
 
-// Where offsets go is the mode's to say, not the number of buses.
+// The mode decides where offsets go, not the number of buses.
 TEST(OffsetModeOnTwoBuses, Targets_PassUnchangedAndOffsetsLeaveToTheController) {
   NodeBench bench;
   bench.install(TestTable{}.image());
@@ -212,14 +212,14 @@ class OffsetOnTwoBusesTest : public testing::Test {
   NodeBench bench;
 };
 
-TEST_F(OffsetOnTwoBusesTest, DrivesHeardDownstream_TheModeIsRefused) {
+TEST_F(OffsetOnTwoBusesTest, DrivesHeardDownstream_OffsetModeIsRefused) {
   bench.configure(Mode::kInline);
   cycle(true);
   bench.run_for(600'000);
   EXPECT_EQ(bench.write(0x2000, 1, 2, 1), 0x06040043U);
 }
 
-TEST_F(OffsetOnTwoBusesTest, DrivesHeardDownstreamInTheMode_SaysThatNothingIsCorrected) {
+TEST_F(OffsetOnTwoBusesTest, DrivesHeardDownstreamInOffsetMode_RaiseEmergency) {
   bench.configure(Mode::kOffset);
   for (int k = 0; k < 150; ++k) ASSERT_EQ(cycle(true), 0) << k;
   EXPECT_EQ(bench.read(0x1003, 1), 5U << 16 | kSetsWithheld);

@@ -1,4 +1,4 @@
-// Temperature, payload and time on their way from objects and clocks into the correction.
+// How temperatures, payload and time, from objects and clock, act on the correction.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -55,7 +55,7 @@ class SurroundingsTest : public ::testing::Test {
   NodeBench bench;
 };
 
-TEST_F(SurroundingsTest, ATemperature_IsThatOfItsOwnSensor) {
+TEST_F(SurroundingsTest, Temperature_CorrectsTheJointOfItsSensor) {
   for (std::uint8_t sensor = 1; sensor <= 3; ++sensor) {
     SCOPED_TRACE(int{sensor});
     EXPECT_NEAR(correction(sensor), 0.0, 1e-3) << "not known: that of the reference";
@@ -66,7 +66,7 @@ TEST_F(SurroundingsTest, ATemperature_IsThatOfItsOwnSensor) {
   }
 }
 
-TEST_F(SurroundingsTest, ATemperatureThatIsSilentTooLong_IsNotKnownAnyMore) {
+TEST_F(SurroundingsTest, SilentTemperature_CountsAsUnknownAfterTheTimeOut) {
   ASSERT_EQ(bench.write(0x2000, 6, 2000, 4), 0U);
   ASSERT_EQ(bench.write(0x2020, 2, 5000, 2), 0U);
   EXPECT_GT(std::abs(correction(2)), 2.0);
@@ -76,7 +76,7 @@ TEST_F(SurroundingsTest, ATemperatureThatIsSilentTooLong_IsNotKnownAnyMore) {
   EXPECT_NEAR(correction(2), 0.0, 1e-3);
 }
 
-TEST_F(SurroundingsTest, ASilentSensor_TakesNoOtherWithIt) {
+TEST_F(SurroundingsTest, SilentSensor_DoesNotAffectOtherSensors) {
   ASSERT_EQ(bench.write(0x2000, 6, 2000, 4), 0U);
   ASSERT_EQ(bench.write(0x2020, 1, 5000, 2), 0U);
   for (int k = 0; k < 1000; ++k) cycle();
@@ -86,10 +86,10 @@ TEST_F(SurroundingsTest, ASilentSensor_TakesNoOtherWithIt) {
   EXPECT_NEAR(correction(1), 0.0, 1e-3);
 }
 
-TEST_F(SurroundingsTest, WhatTheTableReadsAndNobodyGave_IsSaidAfterTheTimeOut) {
+TEST_F(SurroundingsTest, MissingInputsOfTheTable_AreReportedAfterTheTimeOut) {
   ASSERT_EQ(bench.write(0x2000, 6, 2000, 4), 0U);
   ASSERT_EQ(bench.write(0x2020, 1, 2000, 2), 0U);
-  for (int k = 0; k < 1700; ++k) cycle();  // 200 have been
+  for (int k = 0; k < 1700; ++k) cycle();  // after the constructor's 200
   EXPECT_EQ(bench.read(0x1003, 0), 0U) << "two seconds are not over before that";
   for (int k = 0; k < 150; ++k) cycle();
   EXPECT_EQ(errors(), (std::set<std::uint32_t>{0x0002FF12, 0x0003FF12, 0x0000FF12}))
@@ -102,7 +102,7 @@ TEST_F(SurroundingsTest, WhatTheTableReadsAndNobodyGave_IsSaidAfterTheTimeOut) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-TEST_F(SurroundingsTest, APayload_IsGivenOnce) {
+TEST_F(SurroundingsTest, PayloadWrittenOnce_DoesNotTimeOut) {
   ASSERT_EQ(bench.write(0x2000, 6, 500, 4), 0U);
   ASSERT_EQ(bench.write(0x2021, 0, 0, 4), 0U);
   for (int k = 0; k < 1000; ++k) {
@@ -114,7 +114,7 @@ TEST_F(SurroundingsTest, APayload_IsGivenOnce) {
   EXPECT_EQ(bench.read(0x1003, 0), 0U);
 }
 
-TEST_F(SurroundingsTest, WhatNobodyReads_IsNotMissed) {
+TEST_F(SurroundingsTest, UnreadInputs_AreNotReportedAsMissing) {
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   ASSERT_EQ(bench.write(0x2000, 6, 500, 4), 0U);
   for (int k = 0; k < 1000; ++k) cycle();

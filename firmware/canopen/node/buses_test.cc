@@ -1,4 +1,4 @@
-// What the node notices of its buses, and what its self-test says.
+// Bus states, counters and overruns that the node reports, and its self-test (0x2030).
 #include <gtest/gtest.h>
 
 #include <cstdint>
@@ -75,7 +75,7 @@ TEST_F(BusTest, BusOffIsRecoveredAfterAPauseAndReported) {
   EXPECT_EQ(load_le<std::uint16_t>(emcy[1].data), 0x0000);
 }
 
-TEST_F(BusTest, ABusOffThatEndsBetweenTwoTurnsIsReported) {
+TEST_F(BusTest, BusOffBetweenTwoTurns_IsReported) {
   bench.run_for(1000);
   sent();
   bench.upstream.set_state(BusState::kBusOff);
@@ -87,7 +87,7 @@ TEST_F(BusTest, ABusOffThatEndsBetweenTwoTurnsIsReported) {
   EXPECT_EQ(load_le<std::uint16_t>(emcy[1].data), 0x0000);
 }
 
-TEST_F(BusTest, WhatAPortCountedInAnEarlierLifeIsNoNews) {
+TEST_F(BusTest, PortCountsFromBeforeTheRestart_AreNotReported) {
   bench.upstream.lose_frames(3);
   bench.upstream.set_state(BusState::kBusOff);
   bench.upstream.set_state(BusState::kActive);
@@ -97,7 +97,7 @@ TEST_F(BusTest, WhatAPortCountedInAnEarlierLifeIsNoNews) {
   EXPECT_TRUE(sent(0x80U + NodeBench::kNodeId).empty());
 }
 
-TEST_F(BusTest, WhatIsReadInTheTurnInWhichABusChangesAgrees) {
+TEST_F(BusTest, ReadInTheTurnOfABusChange_ShowsTheNewState) {
   bench.run_for(1000);
   bench.upstream.set_state(BusState::kPassive);
   EXPECT_EQ(bench.read(0x1001, 0), 0x11U);
@@ -106,7 +106,7 @@ TEST_F(BusTest, WhatIsReadInTheTurnInWhichABusChangesAgrees) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-TEST_F(BusTest, APassiveBus_HasNothingMoreToSay) {
+TEST_F(BusTest, PassiveBusEmergency_HasNoFurtherInformation) {
   bench.run_for(1000);
   sent();
   bench.upstream.set_state(BusState::kPassive);
@@ -128,7 +128,7 @@ TEST_F(BusTest, AnOverrun_IsOverAfterASecondWithoutAnother) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-TEST(TwoBuses, OverrunsOfEach_EndByThemselves) {
+TEST(TwoBuses, OverrunsOfEachBus_EndIndependently) {
   NodeBench bench;
   bench.upstream.lose_frames(1);
   bench.run_for(600'000);
@@ -140,7 +140,7 @@ TEST(TwoBuses, OverrunsOfEach_EndByThemselves) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-TEST_F(BusTest, EachSelfTest_MayBeAskedForAlone) {
+TEST_F(BusTest, EachSelfTest_CanRunAlone) {
   for (std::uint32_t test = 1; test <= 0x10; test <<= 1U) {
     EXPECT_EQ(bench.write(0x2030, 1, test, 1), 0U) << test;
   }
@@ -148,7 +148,7 @@ TEST_F(BusTest, EachSelfTest_MayBeAskedForAlone) {
   EXPECT_EQ(bench.write(0x2030, 1, 0x20, 1), 0x06090030U);
 }
 
-// Each part of the self-test that can be made to fail from outside, alone.
+// The parts of the self-test that can be made to fail from outside, each alone.
 class SelfTestTest : public testing::Test {
  protected:
   static constexpr std::uint32_t kTable = 1U << 2;
@@ -163,7 +163,7 @@ class SelfTestTest : public testing::Test {
   NodeBench bench;
 };
 
-TEST_F(SelfTestTest, ATableThatChangedInMemoryFails) {
+TEST_F(SelfTestTest, TableCorruptedInMemory_Fails) {
   const std::vector<std::uint8_t> image = TestTable{}.image();
   bench.install(image);
   EXPECT_EQ(failed(), 0U);
@@ -174,7 +174,7 @@ TEST_F(SelfTestTest, ATableThatChangedInMemoryFails) {
   EXPECT_EQ(failed(), 0U) << "the one in flash is whole";
 }
 
-TEST_F(SelfTestTest, ABusThatIsOffFails) {
+TEST_F(SelfTestTest, BusOff_Fails) {
   bench.downstream.set_state(BusState::kBusOff);
   EXPECT_EQ(failed(), kBuses);
   EXPECT_EQ(failed(0x1F & ~kBuses), 0U);
@@ -187,7 +187,7 @@ TEST_F(SelfTestTest, ABusThatIsOffFails) {
   EXPECT_EQ(bench.read(0x2030, 3), kBuses) << "of the run while it was off";
 }
 
-TEST_F(SelfTestTest, ACorrectionWithoutATableFails) {
+TEST_F(SelfTestTest, OffsetWithoutATable_Fails) {
   for (std::size_t axis = 0; axis < 6; ++axis) {
     const od::Ref<std::int32_t> offset = od::axis::kPositionOffset[axis];
     auto& dictionary = const_cast<ObjectDictionary&>(bench.node().dictionary());

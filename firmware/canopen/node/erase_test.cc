@@ -70,13 +70,13 @@ TEST_F(EraseTest, OneDriveEnabled_IsRefused) {
   }
 }
 
-TEST_F(EraseTest, DriveEnabledThatFellSilent_IsRefused) {
+TEST_F(EraseTest, EnabledDriveFallsSilent_IsRefused) {
   all_drives_say(kOperationEnabled);
   bench.run_for(10'000'000, 10'000);
   expect_refused();
 }
 
-TEST_F(EraseTest, DriveThatTalksAndDoesNotSayItsState_IsRefused) {
+TEST_F(EraseTest, DriveThatSendsNoStatusword_IsRefused) {
   for (std::size_t k = 0; k + 1 < kJoints; ++k) drive_says(k, kSwitchOnDisabled);
   bench.from_drives(make_frame(0x706, {5}));
   expect_refused();
@@ -84,8 +84,8 @@ TEST_F(EraseTest, DriveThatTalksAndDoesNotSayItsState_IsRefused) {
   expect_allowed();
 }
 
-// Frames that come while the core stalls are lost: who sent them was not silent.
-TEST_F(EraseTest, EraseThatTakesSeconds_IsNotTheSilenceOfAWatchedNode) {
+// Frames that come while the core stalls are lost; their sender was not silent.
+TEST_F(EraseTest, LongErase_IsNotCountedAsALostHeartbeat) {
   constexpr std::uint32_t kHeartbeatTimeMs = 1000;
   constexpr std::uint64_t kStallUs = 2'000'000;
   expect_done(0x1016, 1, 5U << 16 | kHeartbeatTimeMs, 4);

@@ -1,5 +1,5 @@
-// Faults that ordinary frames could make, one by one through the node's own objects. Each was red
-// before it was mended (docs/security.md, "Faults that were found").
+// Faults that ordinary frames could cause, one by one through the node's own objects. Each test
+// failed before its fix (docs/security.md, "Faults that were found").
 #include <gtest/gtest.h>
 
 #include "firmware/canopen/node/bus_watch.h"
@@ -27,7 +27,7 @@ class FaultTest : public DrivesTest {
     return std::find(codes.begin(), codes.end(), code) != codes.end();
   }
   std::uint32_t refusal() { return bench.read(0x2013, 2); }
-  // RPDO 13 hears these objects of the drives, as 0x1D0.
+  // RPDO 13 receives these objects of the drives on 0x1D0.
   void hear_of_drives(std::initializer_list<std::uint32_t> objects) {
     ASSERT_EQ(bench.write(0x140C, 1, 0x800001D0, 4), 0U);
     ASSERT_EQ(bench.write(0x160C, 0, 0, 1), 0U);
@@ -41,7 +41,7 @@ class FaultTest : public DrivesTest {
 class InlineFaultTest : public FaultTest {};
 class OffsetFaultTest : public FaultTest {};
 
-TEST_P(InlineFaultTest, BytesThatNobodyVerifiedSteerNothing) {
+TEST_P(InlineFaultTest, UnverifiedTableBytes_DoNotAffectTheOutput) {
   settle();
   bench.run_for(1'200'000);  // the drives are silent: commits are allowed
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
@@ -54,8 +54,8 @@ TEST_P(InlineFaultTest, BytesThatNobodyVerifiedSteerNothing) {
   EXPECT_EQ(stand, kStand) << "disabled";
 }
 
-// Such mappings are refused by SDO; parameters may have been saved by a firmware that took them.
-TEST_P(InlineFaultTest, MoreTargetPdosThanAxesAreNoSetAndSaidAloud) {
+// SDO refuses such mappings; parameters may have been saved by a firmware that accepted them.
+TEST_P(InlineFaultTest, MoreTargetPdosThanAxes_FormNoSetAndAreReported) {
   constexpr std::uint32_t kMany = 19;
   ObjectDictionary saved;
   saved.restore_defaults(NodeBench::kNodeId);
@@ -75,7 +75,7 @@ TEST_P(InlineFaultTest, MoreTargetPdosThanAxesAreNoSetAndSaidAloud) {
   EXPECT_EQ(status() & 1U, 0U) << "not configured";
 }
 
-// A controller whose three frames take longer than the window as delivered.
+// A controller whose three frames take longer than the default set window.
 class SlowFramesTest : public InlineFaultTest {
  protected:
   int sets_out(int cycles, bool with_sync) {
@@ -99,16 +99,16 @@ class SlowFramesTest : public InlineFaultTest {
   }
 };
 
-TEST_P(SlowFramesTest, ComeOutWhereSyncDelimitsThem) { EXPECT_GE(sets_out(5000, true), 4998); }
+TEST_P(SlowFramesTest, WithSync_SetsGoOut) { EXPECT_GE(sets_out(5000, true), 4998); }
 
-TEST_P(SlowFramesTest, AreLearntWithoutSync) {
+TEST_P(SlowFramesTest, WithoutSync_TheWindowIsLearntAndSetsGoOut) {
   sets_out(20, false);
   EXPECT_EQ(sets_out(1000, false), 1000);
   EXPECT_GT(bench.read(0x2006, 13), 540U) << "the window in force";
   EXPECT_LT(bench.read(0x2006, 13), 730U) << "ahead of what could be another cycle's";
 }
 
-TEST_P(SlowFramesTest, SetsThatDoNotComeOutAreAnEmergency) {
+TEST_P(SlowFramesTest, IncompleteSets_RaiseEmergency) {
   settle();
   emergencies();
   for (int k = 0; k < 150; ++k) {
@@ -124,7 +124,7 @@ TEST_P(SlowFramesTest, SetsThatDoNotComeOutAreAnEmergency) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U) << "over with the next set that goes out";
 }
 
-TEST_P(InlineFaultTest, SyncFindsItsTargetsComputed) {
+TEST_P(InlineFaultTest, SynchronousTargets_AreComputedBeforeSync) {
   bench.run_for(600'000);
   bench.set_transmission(0x1400);
   for (int k = 0; k < 5; ++k) {
@@ -140,7 +140,7 @@ TEST_P(InlineFaultTest, SyncFindsItsTargetsComputed) {
   EXPECT_EQ(sent[3].id, 0x80U) << "the drives take the targets at this SYNC";
 }
 
-TEST_P(OffsetFaultTest, ATableOfNoRateDoesNotKeepTheOffsets) {
+TEST_P(OffsetFaultTest, TableOfLowRate_NmtCommandsStillZeroOffsets) {
   for (const int command : {2, 128, 129, 130}) {
     SCOPED_TRACE(command);
     settle();
@@ -160,7 +160,7 @@ TEST_P(OffsetFaultTest, ATableOfNoRateDoesNotKeepTheOffsets) {
   }
 }
 
-TEST_P(OffsetFaultTest, ACommandThatComesWhileOffsetsFadeIsNotLost) {
+TEST_P(OffsetFaultTest, PendingStopAndReset_AreNotLostDuringTheFade) {
   bench.install(
       TestTable{.sequence = 2, .magnitude = kPermitted << 12, .rate = kMaxRateRevolute / 40}
           .image());
@@ -197,7 +197,7 @@ TEST_P(FaultTest, ATableForOtherEncodersIsRefused) {
   EXPECT_LE(rest(kStand, 50), kRate);
 }
 
-TEST_P(FaultTest, AnotherResolutionNeedsDrivesThatAreNotInOperation) {
+TEST_P(FaultTest, ChangeOfResolution_NeedsDisabledDrives) {
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   hear_of_drives({0x60410010});
   const auto drive_says = [this](int statusword) {
@@ -214,7 +214,7 @@ TEST_P(FaultTest, AnotherResolutionNeedsDrivesThatAreNotInOperation) {
   EXPECT_EQ(bench.read(0x2001, 1), 0U) << "pass-through";
 }
 
-TEST_P(InlineFaultTest, SetsBackToBackChangeTheCorrectionNoFaster) {
+TEST_P(InlineFaultTest, BackToBackSets_DoNotSpeedUpTheCorrection) {
   settle();
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   take_output();
@@ -224,12 +224,12 @@ TEST_P(InlineFaultTest, SetsBackToBackChangeTheCorrectionNoFaster) {
     bench.now_us += 70;
     bench.command_joints(kStand);
     take_output();
-    // All of it in 20 ms: less than an increment in 70 us.
+    // The whole correction takes 20 ms: less than an increment in 70 us.
     EXPECT_LE(farthest(stand, before), set + 3) << set;
   }
 }
 
-TEST_P(InlineFaultTest, AFrameThatWaitsForSyncIsNotReadByALaterMapping) {
+TEST_P(InlineFaultTest, FrameWaitingForSync_IsNotReadByALaterMapping) {
   ASSERT_EQ(bench.write(0x1412, 2, 1, 1), 0U);
   ASSERT_EQ(bench.write(0x1412, 1, 0x1F0, 4), 0U);
   bench.from_controller(make_frame(0x1F0, {0x88, 0x13, 0, 0}));
@@ -242,7 +242,7 @@ TEST_P(InlineFaultTest, AFrameThatWaitsForSyncIsNotReadByALaterMapping) {
   EXPECT_EQ(bench.read(0x2020, 1), 0U) << "5000 g are not 50 degrees";
 }
 
-TEST_P(InlineFaultTest, PayloadByPdoKeepsToItsBounds) {
+TEST_P(InlineFaultTest, PayloadByPdoOutOfBounds_IsRefusedAndReported) {
   ASSERT_EQ(bench.write(0x1412, 1, 0x1F0, 4), 0U);
   bench.from_controller(make_frame(0x1F0, {0x88, 0x13, 0, 0}));
   EXPECT_EQ(bench.read(0x2021, 0), 5000U);
@@ -252,7 +252,7 @@ TEST_P(InlineFaultTest, PayloadByPdoKeepsToItsBounds) {
   EXPECT_EQ(bench.read(0x2021, 0), 5000U);
 }
 
-TEST_P(FaultTest, ScaleWrite_WhileDrivesSpeakAndHaveNotSaidDisabled_IsRefused) {
+TEST_P(FaultTest, ScaleWrite_WhileDrivesOfUnknownStateSend_IsRefused) {
   settle();
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   rest(kStand, 200);
@@ -265,7 +265,7 @@ TEST_P(FaultTest, ScaleWrite_WhileDrivesSpeakAndHaveNotSaidDisabled_IsRefused) {
 }
 
 // A correction that drives hold is not cut off by a write: that would be a step.
-TEST_P(FaultTest, FramesMovedUnderACorrection_AreRefused) {
+TEST_P(FaultTest, PdoChange_WhileDrivesHoldACorrection_IsRefused) {
   settle();
   bench.run_for(600'000);
   const auto refused = static_cast<std::uint32_t>(Abort::kDeviceState);
@@ -284,7 +284,7 @@ TEST_P(FaultTest, FramesMovedUnderACorrection_AreRefused) {
   EXPECT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
 }
 
-TEST_P(InlineFaultTest, PdosWrittenAnewPreOperational_AreTakenAndMakeNoStep) {
+TEST_P(InlineFaultTest, PdosRewrittenInPreOperational_MakeNoStep) {
   settle();
   bench.run_for(600'000);
   nmt(128);
@@ -300,7 +300,7 @@ TEST_P(FaultTest, FeedbackDelayWrittenInMotion_IsRefused) {
       << "actual positions would make a step";
 }
 
-TEST_P(FaultTest, ResetCommunication_LeavesWhatIsEnabled) {
+TEST_P(FaultTest, ResetCommunication_KeepsTheEnableSwitch) {
   settle();
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   rest(kStand, 100);
@@ -310,7 +310,7 @@ TEST_P(FaultTest, ResetCommunication_LeavesWhatIsEnabled) {
   EXPECT_EQ(bench.read(0x2000, 2), 0U);
 }
 
-TEST_P(FaultTest, TableRefusedWhenEnabled_KeepsNoBuffer) {
+TEST_P(FaultTest, TableRefusedWhenEnabled_FreesItsBuffer) {
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   for (std::uint16_t k = 0; k < 6; ++k) {
     const auto resolution = static_cast<std::uint16_t>(0x608F + 0x800 * k);
@@ -323,7 +323,7 @@ TEST_P(FaultTest, TableRefusedWhenEnabled_KeepsNoBuffer) {
   EXPECT_EQ(bench.stage(TestTable{.sequence = 3, .finer = 4}.image()), 0U);
 }
 
-TEST_P(FaultTest, StateThatIsNotMappedAnyMore_IsNotBelieved) {
+TEST_P(FaultTest, DriveStateNoLongerMapped_IsForgotten) {
   ASSERT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
   hear_of_drives({0x60410010, 0x68610008});
   bench.from_controller(make_frame(0x1D0, {0x50, 0x02, 6}));
@@ -334,10 +334,10 @@ TEST_P(FaultTest, StateThatIsNotMappedAnyMore_IsNotBelieved) {
   EXPECT_EQ(bench.read(0x2005, 2), 0U);
 }
 
-// 0xFF15 whenever targets come and no set goes out.
+// 0xFF15 is raised whenever targets come and no set goes out.
 class WithheldTest : public FaultTest {
  protected:
-  // Why sets were withheld, by 0xFF15; 0 where it was not said.
+  // The reason that 0xFF15 gives for withheld sets; 0 if it was not sent.
   int why(int milliseconds, int period_ms = 1, std::size_t frames = 3) {
     bench.upstream.take_sent();
     bench.aside.clear();
@@ -372,7 +372,7 @@ TEST_P(InlineWithheldTest, NodeNotOperational_IsReported) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-TEST_P(InlineWithheldTest, SetsThatTheDrivesBusRefuses_AreReportedAndTakenBack) {
+TEST_P(InlineWithheldTest, SetsRefusedByTheDrivesBus_AreReportedAndUndone) {
   settle();
   const Joints before = stand;
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
@@ -390,7 +390,7 @@ TEST_P(OffsetWithheldTest, OffsetOfAJointInNoTpdo_IsReported) {
   EXPECT_EQ(status() & 1U, 0U) << "not configured";
 }
 
-TEST_P(OffsetWithheldTest, OffsetsThatWaitForSyncThatDoesNotCome_AreReportedAndDoNotRunAhead) {
+TEST_P(OffsetWithheldTest, OffsetsWithoutSync_AreReportedAndDoNotRunAhead) {
   bench.set_transmission(0x1800);
   EXPECT_EQ(why(500), 4);
   target = stand = kStand;
@@ -404,7 +404,7 @@ TEST_P(InlineFaultTest, BlockDownloadOfATargetToADrive_IsReported) {
   EXPECT_TRUE(reported(0xFF13));
 }
 
-TEST(TimeTest, AnArmThatHasBeenOnForMonthsIsNotCold) {
+TEST(TimeTest, TimeOfMilliseconds_DoesNotDecreaseIn400Days) {
   std::int32_t last = 0;
   for (std::uint64_t day = 1; day < 400; ++day) {
     const std::int32_t now = time_of_milliseconds(day * 86'400'000);
@@ -413,7 +413,7 @@ TEST(TimeTest, AnArmThatHasBeenOnForMonthsIsNotCold) {
   }
 }
 
-TEST_P(InlineFaultTest, ALiveSensorDoesNotEndTheAlarmOfASilentOne) {
+TEST_P(InlineFaultTest, LiveSensor_DoesNotEndTheErrorOfASilentOne) {
   ASSERT_EQ(bench.write(0x2000, 6, 100, 4), 0U);
   ASSERT_EQ(bench.write(0x2020, 1, 2150, 2), 0U);
   for (int k = 0; k < 30; ++k) {
@@ -425,7 +425,7 @@ TEST_P(InlineFaultTest, ALiveSensorDoesNotEndTheAlarmOfASilentOne) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-TEST_P(InlineFaultTest, EachLostHeartbeatIsReportedAndOneThatIsUnwatchedIsOver) {
+TEST_P(InlineFaultTest, LostHeartbeats_AreReportedUntilNoLongerWatched) {
   ASSERT_EQ(bench.write(0x1016, 1, 0x00050064, 4), 0U);
   ASSERT_EQ(bench.write(0x1016, 2, 0x000600C8, 4), 0U);
   bench.from_controller(make_frame(0x705, {5}));
@@ -439,7 +439,7 @@ TEST_P(InlineFaultTest, EachLostHeartbeatIsReportedAndOneThatIsUnwatchedIsOver) 
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-TEST_P(InlineFaultTest, ABusThatIsStillPassiveOrOffIsReportedAfterAResetOfCommunication) {
+TEST_P(InlineFaultTest, ResetCommunication_ReportsABusStillPassiveOrOff) {
   for (const BusState state : {BusState::kPassive, BusState::kBusOff}) {
     bench.downstream.set_state(state);
     bench.run_for(10'000);

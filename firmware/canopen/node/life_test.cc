@@ -1,4 +1,4 @@
-// A node's life: starts, NMT states and resets, and what each keeps, ends and begins.
+// Starts, NMT states and resets of a node: what each keeps, ends and begins.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -75,7 +75,7 @@ TEST_F(LifeTest, ATransferIsOver_WhenTheNodeIsStopped) {
   EXPECT_EQ(bench.ask({0x00, 1, 2, 3, 4, 5, 6, 7})[0], 0x80);
 }
 
-TEST_F(LifeTest, LeavingOperational_EndsTheSetInTheMaking) {
+TEST_F(LifeTest, LeavingOperational_DropsThePartialSet) {
   bench.configure(Mode::kInline);
   for (int k = 0; k < 3; ++k) cycle();
   targets_sent();
@@ -91,7 +91,7 @@ TEST_F(LifeTest, LeavingOperational_EndsTheSetInTheMaking) {
   EXPECT_EQ(targets_sent(), 0U);
 }
 
-TEST_F(LifeTest, LeavingOperational_EndsASetThatWaitsForSync) {
+TEST_F(LifeTest, LeavingOperational_DropsASetThatWaitsForSync) {
   bench.set_transmission(0x1400);
   bench.configure(Mode::kInline);
   const auto sync = [this] { bench.upstream.deliver(make_frame(0x80, {})); };
@@ -113,7 +113,7 @@ TEST_F(LifeTest, LeavingOperational_EndsASetThatWaitsForSync) {
   EXPECT_EQ(targets_sent(), 0U);
 }
 
-TEST_F(LifeTest, LeavingOperational_IsNoInterruptionOfTheStream) {
+TEST_F(LifeTest, LeavingOperational_IsNotCountedAsAnInterruption) {
   bench.configure(Mode::kInline);
   for (int k = 0; k < 3; ++k) cycle();
   EXPECT_NE(bench.read(0x2001, 2) & 2U, 0U) << "streaming";
@@ -124,7 +124,7 @@ TEST_F(LifeTest, LeavingOperational_IsNoInterruptionOfTheStream) {
   EXPECT_EQ(error_register(), 0U);
 }
 
-TEST_F(LifeTest, LeavingOperational_EndsTheAlarmOfSetsThatDoNotComeOut) {
+TEST_F(LifeTest, LeavingOperational_EndsTheErrorOfWithheldSets) {
   bench.configure(Mode::kInline);
   for (int k = 0; k < 3; ++k) cycle();
   const auto frames = NodeBench::targets({});
@@ -134,7 +134,7 @@ TEST_F(LifeTest, LeavingOperational_EndsTheAlarmOfSetsThatDoNotComeOut) {
   }
   EXPECT_NE(error_register(), 0U);
   nmt(128);
-  // That of the stale stream stays: it is a fact of the past.
+  // The error of the stale stream stays, because the stream was interrupted.
   bench.start_nodes();
   for (int k = 0; k < 3; ++k) cycle();
   EXPECT_EQ(error_register(), 0U);
@@ -154,7 +154,7 @@ TEST_F(LifeTest, LeavingOperational_EndsTheAlarmOfSetsThatDoNotComeOut) {
   EXPECT_EQ(ended, 1);
 }
 
-TEST_F(LifeTest, AnExtendedFrame_IsNobodysHeartbeat) {
+TEST_F(LifeTest, ExtendedFrame_IsNotTakenAsHeartbeat) {
   ASSERT_EQ(bench.write(0x1016, 1, 0x00050064, 4), 0U);
   bench.from_drives(make_frame(0x705, {5}));
   CanFrame extended = make_frame(0x705, {5});
@@ -177,7 +177,7 @@ TEST_F(LifeTest, HeartbeatsFromTheDrivesSide_AreHeard) {
   EXPECT_NE(error_register(), 0U);
 }
 
-TEST_F(LifeTest, TheHeartbeatOfNodeOne_MayComeBackToo) {
+TEST_F(LifeTest, HeartbeatOfNode1Returns_ClearsItsError) {
   ASSERT_EQ(bench.write(0x1016, 1, 0x00010064, 4), 0U);
   bench.from_controller(make_frame(0x701, {5}));
   bench.run_for(150'000);
@@ -186,7 +186,7 @@ TEST_F(LifeTest, TheHeartbeatOfNodeOne_MayComeBackToo) {
   EXPECT_EQ(error_register(), 0U);
 }
 
-TEST_F(LifeTest, AResolutionThatWasNotSaved_IsThatOfTheTableAgain) {
+TEST_F(LifeTest, ResetCommunication_KeepsTheResolutionOfTheTable) {
   ASSERT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
   bench.install(TestTable{}.image());
   ASSERT_EQ(bench.read(0x608F, 1), 1U << 20);
@@ -219,7 +219,7 @@ class OffsetLifeTest : public testing::Test {
   NodeBench bench{false};
 };
 
-TEST_F(OffsetLifeTest, AComputedSetThatWaitsForSync_IsTakenBackWhenOffsetsFade) {
+TEST_F(OffsetLifeTest, FadeAtNmtStop_UndoesTheSetThatWaitsForSync) {
   start(1);
   std::int32_t last = offsets().back();
   ASSERT_GT(std::abs(last), 150);
@@ -237,7 +237,7 @@ TEST_F(OffsetLifeTest, AComputedSetThatWaitsForSync_IsTakenBackWhenOffsetsFade) 
   EXPECT_EQ(last, 0);
 }
 
-TEST_F(OffsetLifeTest, SetsThatCameBackToBack_DoNotSlowTheFadeDown) {
+TEST_F(OffsetLifeTest, BackToBackSets_DoNotSlowDownTheFade) {
   start(255);
   bench.run_for(30'000);  // SYNC is not in use any more
   for (int k = 0; k < 20; ++k) {

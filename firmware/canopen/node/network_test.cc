@@ -44,7 +44,7 @@ TEST_F(NetworkTest, ObeysItsOwnAndBroadcastNmtOnly) {
   EXPECT_EQ(state(), NmtState::kPreOperational);
 }
 
-TEST_F(NetworkTest, ResetsBootAgainAndRestoreWhatTheyShould) {
+TEST_F(NetworkTest, Resets_BootAgainAndRestoreTheirParameters) {
   ASSERT_EQ(bench.write(0x1017, 0, 500, 2), 0U);
   ASSERT_EQ(bench.write(0x2000, 3, 9000, 4), 0U);
   sent();
@@ -91,7 +91,7 @@ TEST_F(NetworkTest, ALostHeartbeatLeavesOperationalAndIsReported) {
   EXPECT_EQ(load_le<std::uint16_t>(sent(0x80U + NodeBench::kNodeId).at(0).data), 0);
 }
 
-TEST_F(NetworkTest, LostHeartbeat_ThatIsUnwatched_LeavesTheErrorRegister) {
+TEST_F(NetworkTest, LostHeartbeat_NoLongerWatched_ClearsErrorRegister) {
   ASSERT_EQ(bench.write(0x1016, 1, 0x00050064, 4), 0U);
   ASSERT_EQ(bench.write(0x1016, 2, 0x00060064, 4), 0U);
   bench.from_controller(make_frame(0x705, {5}));
@@ -199,13 +199,13 @@ TEST_F(NetworkTest, EmergenciesMayMoveToAnotherIdentifier) {
   EXPECT_EQ(sent(0x90).size(), 1U);
 }
 
-TEST_F(NetworkTest, SyncCounter_OverflowsAtTwoOrMore) {
+TEST_F(NetworkTest, SyncCounterOverflow_OfOne_IsRefused) {
   EXPECT_EQ(bench.write(0x1019, 0, 1, 1), 0x06090030U) << "reserved";
   EXPECT_EQ(bench.write(0x1019, 0, 2, 1), 0U);
   EXPECT_EQ(bench.write(0x1019, 0, 0, 1), 0U);
 }
 
-TEST_F(NetworkTest, WhatMayNotBeMapped_IsNotMapped) {
+TEST_F(NetworkTest, ObjectsThatCannotBeMapped_AreRefused) {
   EXPECT_EQ(bench.write(0x1612, 0, 0, 1), 0U);
   EXPECT_EQ(bench.write(0x1612, 1, 0x10170010, 4), 0x06040041U) << "writable";
   EXPECT_EQ(bench.write(0x1A08, 0, 0, 1), 0U);
@@ -296,17 +296,17 @@ class StatusTpdoTest : public NetworkTest {
   }
 };
 
-TEST_F(StatusTpdoTest, InhibitTime_KeepsChangesThatFarApartAndNoFarther) {
+TEST_F(StatusTpdoTest, InhibitTime_IsTheIntervalOfSteadyChanges) {
   start(0x20010D20, 50, 0);  // 0x2001 sub 13 changes every millisecond
   EXPECT_EQ(intervals_ms(60), std::vector<std::uint64_t>(12, 5));
 }
 
-TEST_F(StatusTpdoTest, EventTimer_RepeatsWhatDoesNotChange) {
+TEST_F(StatusTpdoTest, EventTimer_RepeatsUnchangedValues) {
   start(0x20010C08, 0, 7);  // 0x2001 sub 12, the number of joints
   EXPECT_EQ(intervals_ms(70), std::vector<std::uint64_t>(10, 7));
 }
 
-TEST_F(StatusTpdoTest, NoEventTimer_SendsWhatDoesNotChangeOnce) {
+TEST_F(StatusTpdoTest, NoEventTimer_SendsUnchangedValuesOnce) {
   start(0x20010C08, 0, 0);
   EXPECT_TRUE(intervals_ms(300).empty());
 }
@@ -336,7 +336,7 @@ TEST_F(NetworkTest, SyncStartValueAlignsToTheCounter) {
   }
 }
 
-TEST_F(NetworkTest, SavedParametersOutliveARestartAndDefaultsComeBack) {
+TEST_F(NetworkTest, SavedParameters_SurviveRestart_LoadRestoresDefaults) {
   ASSERT_EQ(bench.write(0x1412, 1, 0x191, 4), 0U);
   ASSERT_EQ(bench.write(0x1017, 0, 250, 2), 0U);
   EXPECT_EQ(bench.write(0x1010, 1, 0x12345678, 4), 0x08000020U);
@@ -355,7 +355,7 @@ TEST_F(NetworkTest, SavedParametersOutliveARestartAndDefaultsComeBack) {
   EXPECT_EQ(bench.write(0x1010, 1, kSave, 4), 0x06060000U);
 }
 
-TEST_F(NetworkTest, ParametersThatANewStartWouldNotHaveAreSaidToBeUnsaved) {
+TEST_F(NetworkTest, UnsavedBit_IsSetIfARestartWouldChangeParameters) {
   const auto unsaved = [this] { return (bench.read(0x2001, 2) >> 5 & 1U) != 0; };
   EXPECT_FALSE(unsaved()) << "as delivered";
   ASSERT_EQ(bench.write(0x2021, 0, 5000, 4), 0U);

@@ -1,4 +1,4 @@
-// What becomes of PDOs that carry no targets: inputs, from either bus, at once or with SYNC.
+// PDOs that carry no targets: inputs from either bus, taken at once or with SYNC.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ constexpr std::uint32_t kPayload = 0x20210020;
 class InputTest : public testing::Test {
  protected:
   explicit InputTest(bool fd = false) : bench(true, fd) {}
-  // RPDO 16 and the next ones, at 0x190 and the next ones.
+  // Maps `word` into RPDO 16 + `number` on 0x190 + `number`.
   void map(std::uint16_t number, std::uint32_t word, std::uint32_t transmission) {
     const auto communication = static_cast<std::uint16_t>(0x140F + number);
     const auto mapping = static_cast<std::uint16_t>(0x160F + number);
@@ -68,7 +68,7 @@ TEST_F(InputTest, AnInputThatWaitsForSync_IsDroppedByAReset) {
   EXPECT_EQ(bench.read(0x2021, 0), 0U);
 }
 
-TEST_F(InputTest, TheNewestOfAnInput_WaitsForSync) {
+TEST_F(InputTest, TwoInputsBeforeSync_TheNewestIsTaken) {
   map(0, kPayload, 240);
   bench.start_nodes();
   bench.from_controller(make_frame(0x190, {1, 0, 0, 0}));
@@ -89,7 +89,7 @@ TEST_F(InputTest, FourInputs_WaitForTheirSync) {
   for (std::uint8_t sensor = 1; sensor <= 4; ++sensor) EXPECT_EQ(temperature(sensor), 9 + sensor);
 }
 
-TEST_F(InputTest, BoundsOfAnInput_MayBeReached) {
+TEST_F(InputTest, InputAtItsBound_IsTaken_BeyondItIsReported) {
   map(0, kPayload, 255);
   bench.start_nodes();
   bench.from_controller(make_frame(0x190, {0x80, 0x84, 0x1E, 0}));
@@ -134,7 +134,7 @@ class InputBesideTargetsTest : public InputTest {
   }
 };
 
-TEST_F(InputBesideTargetsTest, ATemperature_IsGivenByEverySet) {
+TEST_F(InputBesideTargetsTest, TemperatureWithTargets_IsUpdatedByEverySet) {
   cycles(600, 2500, 3000);
   EXPECT_EQ(temperature(1), 2500);
   EXPECT_EQ(bench.read(0x2021, 0), 3000U);
@@ -143,7 +143,7 @@ TEST_F(InputBesideTargetsTest, ATemperature_IsGivenByEverySet) {
   EXPECT_EQ(newest_error(), 0x0001FF12U) << "then it is";
 }
 
-TEST_F(InputBesideTargetsTest, APayloadBeyondItsBound_IsNotTakenAndTheTargetsAre) {
+TEST_F(InputBesideTargetsTest, PayloadBeyondItsBound_IsRefused_TargetsAreTaken) {
   cycles(10, 2500, 3000);
   bench.downstream.take_sent();
   cycles(10, 2600, 0xFFFFFFFF);
@@ -156,7 +156,7 @@ TEST_F(InputBesideTargetsTest, APayloadBeyondItsBound_IsNotTakenAndTheTargetsAre
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-TEST_F(InputTest, AnInputBesideAnActualPosition_IsTakenWithItsBoundsAndItsTime) {
+TEST_F(InputTest, InputBesideActualPosition_HasBoundsAndTimeOut) {
   bench.configure(Mode::kInline);
   ASSERT_EQ(bench.write(0x2000, 1, 0, 1), 0U);
   for (const auto& [rpdo, word, size] :
@@ -189,8 +189,8 @@ TEST_F(InputTest, AnInputBesideAnActualPosition_IsTakenWithItsBoundsAndItsTime) 
   EXPECT_EQ(newest_error(), 0x0001FF12U);
 }
 
-// What gateways send for a sensor that is broken or missing.
-TEST_F(InputTest, ATemperatureThatCannotBe_IsNone) {
+// Values that gateways send for a sensor that is broken or missing.
+TEST_F(InputTest, ImpossibleTemperature_CountsAsMissing) {
   for (const std::uint32_t mark : {0x8000U, 0x7FFFU, 0x954CU}) {
     ASSERT_EQ(bench.write(0x2000, 6, 1000, 4), 0U);
     ASSERT_EQ(bench.write(0x2020, 3, 2500, 2), 0U);
@@ -203,7 +203,7 @@ TEST_F(InputTest, ATemperatureThatCannotBe_IsNone) {
   }
 }
 
-TEST_F(InputTest, EachSensor_FallsSilentByItself) {
+TEST_F(InputTest, SilentSensor_IsReportedAlone) {
   map(0, 0x20200310, 255);
   ASSERT_EQ(bench.write(0x2000, 6, 1000, 4), 0U);
   bench.start_nodes();
@@ -215,7 +215,7 @@ TEST_F(InputTest, EachSensor_FallsSilentByItself) {
   EXPECT_EQ(bench.read(0x1003, 0), 1U);
 }
 
-TEST_F(InputTest, ATpdoForEveryThirdSync_LeavesWithTheThird) {
+TEST_F(InputTest, TpdoForEveryThirdSync_LeavesWithTheThird) {
   ASSERT_EQ(bench.write(0x1808, 2, 3, 1), 0U);
   ASSERT_EQ(bench.write(0x1808, 1, 0x400001A8, 4), 0U);
   bench.start_nodes();
@@ -226,7 +226,7 @@ TEST_F(InputTest, ATpdoForEveryThirdSync_LeavesWithTheThird) {
   }
 }
 
-TEST_F(InputTest, ATpdoThatHasNotChanged_LeavesOnceWithEveryStart) {
+TEST_F(InputTest, UnchangedTpdo_IsSentOnceAtEveryStart) {
   ASSERT_EQ(bench.write(0x1800, 1, 0xC00001A0, 4), 0U);
   ASSERT_EQ(bench.write(0x1A00, 0, 0, 1), 0U);
   ASSERT_EQ(bench.write(0x1A00, 1, 0x20010108, 4), 0U);
@@ -246,8 +246,8 @@ TEST_F(InputTest, ATpdoThatHasNotChanged_LeavesOnceWithEveryStart) {
   }
 }
 
-// Bytes of a frame beyond its length mean nothing: a SYNC without a counter has none.
-TEST_F(InputTest, ASyncWithoutACounter_StartsWhatWaitsForOne) {
+// Bytes beyond a frame's length are ignored: a SYNC of length 0 has no counter.
+TEST_F(InputTest, SyncWithoutCounter_StartsTpdosWithSyncStartValue) {
   ASSERT_EQ(bench.write(0x1808, 6, 4, 1), 0U);
   ASSERT_EQ(bench.write(0x1808, 2, 1, 1), 0U);
   ASSERT_EQ(bench.write(0x1808, 1, 0x400001A8, 4), 0U);
@@ -261,7 +261,7 @@ TEST_F(InputTest, ASyncWithoutACounter_StartsWhatWaitsForOne) {
   EXPECT_EQ(sent[0].id, 0x1A8U);
 }
 
-TEST_F(InputTest, SyncOfTheRightLength_EndsTheAlarmOfOneThatWasNot) {
+TEST_F(InputTest, SyncOfTheRightLength_EndsTheLengthError) {
   bench.start_nodes();
   bench.from_controller(make_frame(0x80, {1}));
   EXPECT_EQ(newest_error(), 0x00018240U) << "the length that it had";

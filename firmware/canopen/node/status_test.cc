@@ -1,4 +1,4 @@
-// What the node says of itself (0x2001 to 0x2006, 0x2040) against what it has done.
+// Status objects of the node (0x2001 to 0x2006, 0x2040) against what it has done.
 #include <gtest/gtest.h>
 
 #include <optional>
@@ -50,7 +50,7 @@ class StatusTest : public testing::Test {
   std::optional<std::array<std::int32_t, 6>> commanded;
 };
 
-TEST_F(StatusTest, ADeviceThatHasJustStarted_HasCountedNothing) {
+TEST_F(StatusTest, JustStartedDevice_HasCountersAtZero) {
   EXPECT_EQ(bench.read(0x2002, 2), 1U) << "received: this request";
   for (const int sub : {1, 3, 4, 5, 6, 7, 8, 9, 10, 11, 14, 15, 16}) {
     EXPECT_EQ(status(static_cast<std::uint8_t>(sub)), 0U) << sub;
@@ -59,7 +59,7 @@ TEST_F(StatusTest, ADeviceThatHasJustStarted_HasCountedNothing) {
   for (std::uint8_t sub = 13; sub <= 17; ++sub) EXPECT_EQ(bench.read(0x2013, sub), 0U) << int{sub};
 }
 
-TEST_F(StatusTest, Bits_SayEachFactAlone) {
+TEST_F(StatusTest, StatusBits_ChangeIndependently) {
   EXPECT_EQ(bits(), kQuiet | kDrivesUnknown) << "as delivered";
   bench.put_on_trial(TestTable{}.image());
   EXPECT_EQ(bits(), kQuiet | kDrivesUnknown | kOnTrial);
@@ -78,7 +78,7 @@ TEST_F(StatusTest, Bits_SayEachFactAlone) {
   EXPECT_EQ(bits(), kQuiet | kDrivesUnknown | kUnsaved) << "a joint has no target any more";
 }
 
-TEST_F(StatusTest, TargetsInForwardMode_AreNotQuiet) {
+TEST_F(StatusTest, TargetsInForwardMode_ClearTheQuietBit) {
   bench.configure(Mode::kForward);
   cycle(1000);
   ASSERT_EQ(bench.write(0x1400, 1, 0x80000220, 4), 0U);
@@ -151,7 +151,7 @@ TEST_F(StatusTest, ClampedCycles_AreCountedForEachAxis) {
   }
 }
 
-TEST_F(StatusTest, DemandedPositions_AreWhatTheDrivesAreTold) {
+TEST_F(StatusTest, DemandedPositions_AreTheTargetsSentToTheDrives) {
   start();
   for (int k = 0; k < 50; ++k) cycle(1000);
   bench.downstream.take_sent();
@@ -167,7 +167,7 @@ TEST_F(StatusTest, DemandedPositions_AreWhatTheDrivesAreTold) {
   EXPECT_EQ(found, 1U);
 }
 
-TEST_F(StatusTest, WorstCycle_IsWhatTheClockSays) {
+TEST_F(StatusTest, WorstCycle_IsTheLongestMeasured) {
   start();
   NodeBench::clock_step_us = 3;
   for (int k = 0; k < 3; ++k) cycle(1000);
@@ -179,8 +179,8 @@ TEST_F(StatusTest, WorstCycle_IsWhatTheClockSays) {
   EXPECT_EQ(status(7), 7U) << "the worst stays";
 }
 
-// Minimum, median, 99.9 % and maximum stand behind each other.
-TEST_F(StatusTest, Timing_OfSyncAndTargets) {
+// Each group of four sub-indices has minimum, median, 99.9 % and maximum.
+TEST_F(StatusTest, Timing_ReportsLatencyOfSyncAndTargets) {
   start();
   NodeBench::clock_step_us = 2;
   for (int k = 0; k < 100; ++k) cycle(1000);
@@ -205,7 +205,7 @@ TEST_F(StatusTest, Timing_OfSyncAndTargets) {
   EXPECT_EQ(timing(13), 500U) << "the set window";
 }
 
-TEST_F(StatusTest, StartAndSupply_IsWhatThePortSays) {
+TEST_F(StatusTest, StartAndSupply_AreReportedFromThePort) {
   for (std::uint8_t sub = 1; sub <= 9; ++sub) EXPECT_EQ(bench.read(0x2040, sub), 0U);
   const PortHealth health = {.reset_cause = 1,
                              .starts = 2,
@@ -225,7 +225,7 @@ TEST_F(StatusTest, StartAndSupply_IsWhatThePortSays) {
   for (std::uint8_t sub = 1; sub <= 9; ++sub) EXPECT_EQ(bench.read(0x2040, sub), sub);
 }
 
-TEST_F(StatusTest, IdentityAndSerial_AreTheDevices) {
+TEST_F(StatusTest, IdentityAndSerial_AreThoseOfTheDevice) {
   EXPECT_EQ(bench.read(0x1018, 4), 7U);
   DeviceIdentity device;
   const std::string serial = "R1";

@@ -1,4 +1,4 @@
-// What an SDO transfer does to a DOMAIN and to ordinary objects, below the protocol.
+// SDO access to a DOMAIN and to ordinary objects, below the protocol.
 #include "firmware/canopen/protocol/dictionary_access.h"
 
 #include <gtest/gtest.h>
@@ -11,13 +11,13 @@
 namespace armtrue::canopen {
 namespace {
 
-TEST(ObjectDictionaryTest, AnObjectOfOneValue_IsThere) {
+TEST(ObjectDictionaryTest, HasIndex_FindsAnObjectOfOneValue) {
   const ObjectDictionary dictionary;
   EXPECT_TRUE(dictionary.has_index(0x1001));
   EXPECT_FALSE(dictionary.has_index(0x1004));
 }
 
-TEST(ObjectDictionaryTest, AShorterString_LeavesNothingOfTheOneBefore) {
+TEST(ObjectDictionaryTest, ShorterString_ErasesTheRestOfTheOldOne) {
   ObjectDictionary dictionary;
   dictionary.set_string(od::kRobotSerial, "ROBOT-LONG");
   dictionary.set_string(od::kRobotSerial, "R2");
@@ -71,7 +71,7 @@ class DictionaryAccessTest : public testing::Test {
   std::uint32_t expected = 99;
 };
 
-TEST_F(DictionaryAccessTest, Expected_IsTheObjectsSizeAndZeroWhereItVaries) {
+TEST_F(DictionaryAccessTest, ExpectedSize_IsTheObjectsOrZeroIfVariable) {
   EXPECT_EQ(begin_write(0x1017, 0), Abort::kNone);
   EXPECT_EQ(expected, 2U);
   EXPECT_EQ(begin_write(kDomain, 0), Abort::kNone);
@@ -94,7 +94,7 @@ TEST_F(DictionaryAccessTest, ADomainThatIsComplete_IsNotCancelled) {
   EXPECT_EQ(domain.cancelled, 0);
 }
 
-TEST_F(DictionaryAccessTest, WritesToWhatMayOnlyBeRead_AreCounted) {
+TEST_F(DictionaryAccessTest, WritesToReadOnlyObjects_AreCounted) {
   for (std::uint32_t k = 0; k < 3; ++k) {
     EXPECT_EQ(access.refused_writes(), k);
     EXPECT_EQ(begin_write(0x1000, 0), Abort::kReadOnly);
@@ -103,7 +103,7 @@ TEST_F(DictionaryAccessTest, WritesToWhatMayOnlyBeRead_AreCounted) {
   EXPECT_EQ(access.refused_writes(), 3U);
 }
 
-TEST_F(DictionaryAccessTest, Values_AreWholeOrNotTaken) {
+TEST_F(DictionaryAccessTest, ValuesOfTheWrongLength_AreRefused) {
   const std::vector<std::uint8_t> bytes = {0xE8, 0x03, 0x00};
   const std::span<const std::uint8_t> all(bytes);
   EXPECT_EQ(begin_write(0x1017, 0, 3), Abort::kTooLong);

@@ -1,4 +1,4 @@
-// Error register and emergency messages where one condition has several sources.
+// Error register, history and emergency messages, also of conditions with several sources.
 #include "firmware/canopen/protocol/emcy.h"
 
 #include <gtest/gtest.h>
@@ -42,7 +42,7 @@ TEST_F(EmcyTest, SecondSource_OfACondition_IsReportedToo) {
   EXPECT_EQ(dictionary.get(od::kPreDefinedErrorFieldCount), 2);
 }
 
-TEST_F(EmcyTest, Condition_StaysUntilItsLastSourceIsWell) {
+TEST_F(EmcyTest, Condition_StaysUntilItsLastSourceIsCleared) {
   emcy.raise(Condition::kInputSilent, 1, 0);
   emcy.raise(Condition::kInputSilent, 2, 1);
   codes();
@@ -56,7 +56,7 @@ TEST_F(EmcyTest, Condition_StaysUntilItsLastSourceIsWell) {
   EXPECT_EQ(codes(), std::vector{0});
 }
 
-TEST_F(EmcyTest, Register_IsWhatAllConditionsTogetherSay) {
+TEST_F(EmcyTest, ErrorRegister_CombinesAllConditions) {
   emcy.raise(Condition::kTableRefused, 1);
   EXPECT_EQ(error_register(), 0x21);
   emcy.raise(Condition::kBusPassive, 0);
@@ -103,7 +103,7 @@ TEST_F(EmcyTest, EachCondition_HasItsCodeAndItsBits) {
   }
 }
 
-TEST_F(EmcyTest, History_KeepsTheNewestOfMoreThanItHolds) {
+TEST_F(EmcyTest, FullHistory_KeepsTheNewestErrors) {
   constexpr std::size_t kFields = std::size(od::kPreDefinedErrorField);
   for (std::uint32_t k = 1; k <= kFields + 2; ++k) {
     emcy.raise(Condition::kTableRefused, k);
@@ -115,7 +115,7 @@ TEST_F(EmcyTest, History_KeepsTheNewestOfMoreThanItHolds) {
   }
 }
 
-TEST_F(EmcyTest, Reset_ForgetsWhatWasRaisedAndWhatWaits) {
+TEST_F(EmcyTest, Reset_ClearsHistoryMessagesAndInhibitTime) {
   dictionary.set(od::kInhibitTimeEMCY, std::uint16_t{1000});
   emcy.raise(Condition::kTableRefused, 1);
   ASSERT_EQ(codes(0).size(), 1U);
@@ -141,7 +141,7 @@ TEST_F(EmcyTest, InhibitTime_KeepsMessagesApart) {
   EXPECT_EQ(codes(16'000).size(), 1U);
 }
 
-TEST_F(EmcyTest, InvalidCobId_DropsWhatWaits) {
+TEST_F(EmcyTest, InvalidCobId_DropsQueuedMessages) {
   emcy.raise(Condition::kStorage, 1);
   dictionary.set(od::kCOBIDEMCY, 0x800000A0U);
   EXPECT_TRUE(codes().empty());
@@ -149,7 +149,7 @@ TEST_F(EmcyTest, InvalidCobId_DropsWhatWaits) {
   EXPECT_TRUE(codes().empty()) << "it is not kept for later";
 }
 
-TEST_F(EmcyTest, FullQueue_KeepsTheOldestAndTheHistoryTheNewest) {
+TEST_F(EmcyTest, FullQueue_KeepsTheOldest_HistoryKeepsTheNewest) {
   for (int round = 0; round < 20; ++round) {
     emcy.raise(Condition::kStorage, static_cast<std::uint32_t>(round));
     emcy.clear(Condition::kStorage);

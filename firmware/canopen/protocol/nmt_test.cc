@@ -1,4 +1,4 @@
-// Which frames are NMT commands to this node, and whose heartbeat is missed.
+// Frames that are NMT commands to this node, and heartbeats that are sent or lost.
 #include "firmware/canopen/protocol/nmt.h"
 
 #include <gtest/gtest.h>
@@ -24,7 +24,7 @@ bool is_defined(int command) {
   return command == 1 || command == 2 || command == 128 || command == 129 || command == 130;
 }
 
-TEST_F(NmtTest, Command_ThatTheStandardDoesNotDefine_IsNone) {
+TEST_F(NmtTest, Command_NotDefinedByTheStandard_IsIgnored) {
   for (int command = 0; command < 256; ++command) {
     const auto heard = nmt.command_in(make_frame(0, {command, kId}));
     EXPECT_EQ(heard, is_defined(command) ? command : 0);
@@ -39,7 +39,7 @@ TEST_F(NmtTest, LeavesOperational_ForFourCommandsOnly) {
   }
 }
 
-TEST_F(NmtTest, Command_InAnFdOrRemoteFrameOrOfAnotherLength_IsNone) {
+TEST_F(NmtTest, Command_InFdRemoteOrWrongLengthFrame_IsIgnored) {
   CanFrame frame = make_frame(0, {1, kId});
   ASSERT_EQ(nmt.command_in(frame), 1);
   frame.flags = kFrameFd;
@@ -52,7 +52,7 @@ TEST_F(NmtTest, Command_InAnFdOrRemoteFrameOrOfAnotherLength_IsNone) {
   EXPECT_EQ(nmt.command_in(make_frame(0, {1})), 0);
 }
 
-TEST_F(NmtTest, Heartbeat_BeyondItsTime_IsMissedOnce) {
+TEST_F(NmtTest, Heartbeat_BeyondItsTime_IsReportedLostOnce) {
   HeartbeatConsumer consumer;
   consumer.configure(0, 0x00050064);
   EXPECT_FALSE(consumer.process(1'000'000)) << "watching begins with the first one";
@@ -64,7 +64,7 @@ TEST_F(NmtTest, Heartbeat_BeyondItsTime_IsMissedOnce) {
   EXPECT_EQ(consumer.handle(make_frame(0x705, {5}), 1'300'000), 0U) << "back";
 }
 
-TEST_F(NmtTest, Heartbeat_OfTwoNodes_IsMissedOfEach) {
+TEST_F(NmtTest, Heartbeats_OfTwoNodes_AreReportedLostSeparately) {
   HeartbeatConsumer consumer;
   consumer.configure(2, 0x00050064);
   consumer.configure(7, 0x00060064);
@@ -75,7 +75,7 @@ TEST_F(NmtTest, Heartbeat_OfTwoNodes_IsMissedOfEach) {
   EXPECT_FALSE(consumer.process(100'000));
 }
 
-TEST_F(NmtTest, OwnHeartbeat_IsNotSentTwiceWhereTheNodeWasLateByAPeriod) {
+TEST_F(NmtTest, OwnHeartbeat_NodeLateByAPeriod_IsSentOnce) {
   port.take_sent();
   nmt.process(port, 100, 0);
   EXPECT_EQ(port.take_sent().size(), 1U);
@@ -88,7 +88,7 @@ TEST_F(NmtTest, OwnHeartbeat_IsNotSentTwiceWhereTheNodeWasLateByAPeriod) {
   EXPECT_EQ(port.take_sent().size(), 1U);
 }
 
-TEST_F(NmtTest, NodeThatNobodyWatches_IsNeverBack) {
+TEST_F(NmtTest, UnwatchedNode_IsNeitherLostNorBack) {
   HeartbeatConsumer consumer;
   EXPECT_FALSE(consumer.handle(make_frame(0x705, {5}), 0));
   for (std::size_t slot = 0; slot < HeartbeatConsumer::kNodes; ++slot) {
@@ -98,7 +98,7 @@ TEST_F(NmtTest, NodeThatNobodyWatches_IsNeverBack) {
   EXPECT_FALSE(consumer.process(1'000'000)) << "none has been heard";
 }
 
-TEST_F(NmtTest, Heartbeat_ThatIsUnwatched_IsNotLostAnyMore) {
+TEST_F(NmtTest, Heartbeat_NoLongerWatched_IsNotReportedLost) {
   HeartbeatConsumer consumer;
   consumer.configure(0, 0x00050064);
   consumer.handle(make_frame(0x705, {5}), 0);
@@ -107,7 +107,7 @@ TEST_F(NmtTest, Heartbeat_ThatIsUnwatched_IsNotLostAnyMore) {
   EXPECT_FALSE(consumer.process(200'000));
 }
 
-TEST_F(NmtTest, Heartbeat_InARemoteOrLongerFrame_DoesNotCount) {
+TEST_F(NmtTest, Heartbeat_InARemoteOrLongerFrame_IsIgnored) {
   HeartbeatConsumer consumer;
   consumer.configure(0, 0x00050064);
   CanFrame remote = make_frame(0x705, {5});

@@ -1,4 +1,4 @@
-// What PDO records may hold, written by SDO and found in saved parameters.
+// Valid contents of PDO records, written by SDO or loaded from saved parameters.
 #include "firmware/canopen/protocol/pdo.h"
 
 #include <gtest/gtest.h>
@@ -28,7 +28,7 @@ class PdoRecordTest : public testing::Test {
     if (abort == Abort::kNone) dictionary.assign(*entry, content);
     return abort;
   }
-  // As saved parameters come: unchecked.
+  // Unchecked, as saved parameters are loaded.
   void save(std::uint16_t index, std::uint8_t sub, std::uint32_t value) {
     const std::optional<od::Entry> entry = dictionary.find(index, sub);
     std::array<std::uint8_t, 4> bytes = {};
@@ -69,7 +69,7 @@ TEST_F(PdoRecordTest, Mapping_OfMoreBytesThanAFrame_IsRefused) {
   EXPECT_EQ(write(mapping, 0, 2), Abort::kNone) << "eight";
 }
 
-TEST_F(PdoRecordTest, CobId_SavedWithSuchBits_MakesNoPdo) {
+TEST_F(PdoRecordTest, SavedCobId_WithExtendedBits_MakesNoPdo) {
   PdoTable pdos(dictionary, kClassicPayload);
   save(kRpdo, 1, 0x191);
   save(kTpdo, 1, 0x1A1);
@@ -100,7 +100,7 @@ TEST_F(PdoRecordTest, SavedMapping_LongerThanAFrame_EndsWhereTheFrameDoes) {
   }
 }
 
-TEST_F(PdoRecordTest, SavedMapping_OfWhatMayNotBeMapped_EndsThere) {
+TEST_F(PdoRecordTest, SavedMapping_EndsBeforeAnObjectThatIsNotMappable) {
   const std::uint16_t mapping = kRpdo + 0x200;
   save(mapping, 1, 0x20210020);
   save(mapping, 2, 0x10180420);  // the serial number: read only
@@ -131,7 +131,7 @@ TEST(FdLength, ValidOnes_AreThoseOfTheStandard) {
   }
 }
 
-TEST_F(PdoRecordTest, TargetAndActualPosition_AreOfNoFrameTogether) {
+TEST_F(PdoRecordTest, TargetAndActualPosition_CannotShareAFrame) {
   const std::uint16_t mapping = kRpdo + 0x200;
   for (const auto& [first, second] :
        {std::pair{0x607A0020U, 0x60640020U}, {0x60640020U, 0x687A0020U}}) {
@@ -161,7 +161,7 @@ TEST_F(PdoRecordTest, TransmissionTypes_UpTo240AreSynchronous) {
   }
 }
 
-TEST_F(PdoRecordTest, Dummies_WriteNothingAnywhere) {
+TEST_F(PdoRecordTest, DummyEntries_WriteNothing) {
   const std::uint16_t mapping = kRpdo + 0x200;
   save(mapping, 1, 0x00070020);
   save(mapping, 2, 0x20210020);

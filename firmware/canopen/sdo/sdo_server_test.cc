@@ -1,4 +1,4 @@
-// Byte by byte: what the SDO server answers, in every state, to what a client may send.
+// Responses of the SDO server, byte by byte and in every state, to the frames of a client.
 #include "firmware/canopen/sdo/sdo_server.h"
 
 #include <gtest/gtest.h>
@@ -56,17 +56,17 @@ class SdoTest : public testing::Test {
   NodeBench bench;
 };
 
-TEST_F(SdoTest, EachTextOfTheDictionary_IsItsOwn) {
+TEST_F(SdoTest, EachString_IsReadFromItsOwnMemory) {
   EXPECT_EQ(bench.read(0x1009, 0), '1') << "hardware version, behind the device's name in memory";
 }
 
-TEST_F(SdoTest, ExpeditedDownload_EndsTheUploadBeforeIt) {
+TEST_F(SdoTest, ExpeditedDownload_EndsAnOpenUpload) {
   EXPECT_EQ(bench.ask({0x40, 0x08, 0x10, 0, 0, 0, 0, 0})[0], 0x41) << "in segments";
   EXPECT_EQ(bench.write(0x2000, 5, 500, 4), 0U);
   EXPECT_EQ(abort_of(bench.ask({0x60, 0, 0, 0, 0, 0, 0, 0})), 0x05040001U);
 }
 
-TEST_F(SdoTest, ExpeditedUploadSaysHowManyBytesCount) {
+TEST_F(SdoTest, ExpeditedUpload_StatesItsNumberOfBytes) {
   EXPECT_EQ(bench.ask({0x40, 0x00, 0x10, 0, 0, 0, 0, 0}),
             (Answer{0x43, 0x00, 0x10, 0, 0x92, 0x01, 0xFF, 0xFF}));
   EXPECT_EQ(bench.ask({0x40, 0x17, 0x10, 0, 0, 0, 0, 0})[0], 0x4B);
@@ -82,12 +82,12 @@ TEST_F(SdoTest, AnAnswer_NamesTheObjectAndItsSubIndex) {
             (Answer{0x80, 0x18, 0x10, 9, 0x11, 0x00, 0x09, 0x06}));
 }
 
-TEST_F(SdoTest, ExpeditedDownloadWithoutSizeTakesTheObjectsOwn) {
+TEST_F(SdoTest, ExpeditedDownloadWithoutSize_HasTheObjectsSize) {
   EXPECT_EQ(bench.ask({0x22, 0x17, 0x10, 0, 0xE8, 0x03, 0xAA, 0xBB})[0], 0x60);
   EXPECT_EQ(bench.read(0x1017, 0), 1000U);
 }
 
-TEST_F(SdoTest, SegmentedUploadTogglesAndMarksTheLast) {
+TEST_F(SdoTest, SegmentedUpload_TogglesAndMarksTheLastSegment) {
   EXPECT_EQ(bench.ask({0x40, 0x08, 0x10, 0, 0, 0, 0, 0}),
             (Answer{0x41, 0x08, 0x10, 0, 19, 0, 0, 0}));
   std::string text;
@@ -108,7 +108,7 @@ TEST_F(SdoTest, AWrongToggleBitAborts) {
   EXPECT_EQ(bench.read(0x2013, 1), 0U) << "the staging buffer is empty again";
 }
 
-TEST_F(SdoTest, SegmentsOfNoTransferAndUnknownCommandsAbort) {
+TEST_F(SdoTest, SegmentsWithoutTransferAndUnknownCommands_Abort) {
   EXPECT_EQ(abort_of(bench.ask({0x00, 0, 0, 0, 0, 0, 0, 0})), 0x05040001U);
   EXPECT_EQ(abort_of(bench.ask({0x60, 0, 0, 0, 0, 0, 0, 0})), 0x05040001U);
   EXPECT_EQ(abort_of(bench.ask({0xA2, 0, 0, 0, 0, 0, 0, 0})), 0x05040001U);
@@ -117,7 +117,7 @@ TEST_F(SdoTest, SegmentsOfNoTransferAndUnknownCommandsAbort) {
             (Answer{0x80, 0x00, 0x10, 0, 0x01, 0x00, 0x04, 0x05}));
 }
 
-TEST_F(SdoTest, FramesOfOtherLengthsAreNotSdos) {
+TEST_F(SdoTest, FramesNotOfEightBytes_AreIgnored) {
   send({0x40, 0x00, 0x10, 0, 0, 0, 0});
   EXPECT_TRUE(answers().empty());
 }
@@ -154,7 +154,7 @@ TEST_F(SdoTest, AResponseWaitsForRoomOnTheBus) {
   ASSERT_EQ(answers().size(), 1U);
 }
 
-TEST_F(SdoTest, StoppedMeansNoSdo) {
+TEST_F(SdoTest, StoppedNode_AnswersNoSdo) {
   bench.nmt(2, 0);
   send({0x40, 0x00, 0x10, 0, 0, 0, 0, 0});
   EXPECT_TRUE(answers().empty());
@@ -182,7 +182,7 @@ TEST_P(BlockDownloadTest, ArrivesWithItsCrcAndReadsBack) {
   EXPECT_EQ(sent[0].data[0], 0xA1);
   EXPECT_EQ(bench.read(0x2013, 3), data.size());
 
-  // And back by block upload, blocks of 50 segments, with one of them lost and asked for again.
+  // Block upload in blocks of 50 segments; once the last two of a block are lost and sent again.
   ASSERT_EQ(bench.ask({0xA4, 0x10, 0x20, 0, 50, 0, 0, 0})[0], 0xC6);
   send({0xA3, 0, 0, 0, 0, 0, 0, 0});
   std::vector<std::uint8_t> back;
@@ -213,7 +213,7 @@ TEST_P(BlockDownloadTest, ArrivesWithItsCrcAndReadsBack) {
 INSTANTIATE_TEST_SUITE_P(Sizes, BlockDownloadTest,
                          testing::Values(1, 6, 7, 8, 14, 888, 889, 890, 891, 1778, 16384));
 
-TEST_F(SdoTest, NoBlockIsLongerThanThePortTakesAtOnce) {
+TEST_F(SdoTest, BlockSize_IsLimitedToThePortsLongestBurst) {
   constexpr int kBurst = 32;
   bench.upstream.set_longest_burst(kBurst);
   const std::vector<std::uint8_t> data = pattern(std::size_t{7} * (2 * kBurst + 6));
@@ -249,7 +249,7 @@ TEST_F(SdoTest, ALostBlockSegmentIsAskedForAgain) {
   EXPECT_EQ(answers()[0].data[0], 0xA1);
 }
 
-TEST_F(SdoTest, TheLastBlockSegmentLostIsFoundOutBySilence) {
+TEST_F(SdoTest, LostLastBlockSegment_IsRequestedAfterASilence) {
   for (const int segments : {10, 2}) {
     const int size = 7 * segments;
     bench.ask({0xC6, 0x10, 0x20, 0, size, 0, 0, 0});
@@ -264,7 +264,7 @@ TEST_F(SdoTest, TheLastBlockSegmentLostIsFoundOutBySilence) {
   }
 }
 
-TEST_F(SdoTest, AWrongBlockCrcLeavesNothing) {
+TEST_F(SdoTest, WrongBlockCrc_AbortsAndEmptiesTheBuffer) {
   const std::vector<std::uint8_t> data = pattern(21);
   bench.ask({0xC6, 0x10, 0x20, 0, 21, 0, 0, 0});
   send_segments(data, 0, 3, true);
@@ -300,7 +300,7 @@ TEST_F(SdoTest, BlockUploadOfASmallObjectMaySwitchProtocol) {
   EXPECT_EQ(bench.ask({0xA4, 0x00, 0x10, 0, 127, 4, 0, 0})[0], 0x43);
 }
 
-TEST_F(SdoTest, BlockUpload_OfNothingWithoutASwitchAllowed_StaysABlockUpload) {
+TEST_F(SdoTest, EmptyBlockUpload_WithoutAllowedSwitch_StaysABlockUpload) {
   // The robot's serial is empty here. Threshold 0: the server may not change the protocol.
   const Answer begun = bench.ask({0xA4, 0x14, 0x20, 0, 127, 0, 0, 0});
   EXPECT_EQ(begun[0], 0xC6);
@@ -337,7 +337,7 @@ TEST_F(SdoTest, AcknowledgeOfMoreThanWasSent_Aborts) {
   }
 }
 
-TEST_F(SdoTest, AnnouncedSize_OfAllOnes_IsRefusedAsTheSizeThatItIs) {
+TEST_F(SdoTest, AnnouncedSizeOfAllOnes_IsRefusedAsTooLarge) {
   for (const int command : {0x21, 0xC6 /* with a CRC and a size */}) {
     const Answer table = bench.ask({command, 0x10, 0x20, 0, 0xFF, 0xFF, 0xFF, 0xFF});
     EXPECT_EQ(abort_of(table), 0x05040005U) << command;
@@ -361,7 +361,7 @@ TEST_F(SdoTest, BlockUploadGoesOnWhenTheQueueHasRoomAgain) {
   EXPECT_EQ(segments, 100U);
 }
 
-TEST_F(SdoTest, BlockUploadSendsAFewSegmentsATurn) {
+TEST_F(SdoTest, BlockUpload_SendsFourSegmentsPerTurn) {
   ASSERT_EQ(bench.stage(pattern(700)), 0U);
   bench.ask({0xA4, 0x10, 0x20, 0, 127, 0, 0, 0});
   send({0xA3, 0, 0, 0, 0, 0, 0, 0});
@@ -370,8 +370,8 @@ TEST_F(SdoTest, BlockUploadSendsAFewSegmentsATurn) {
   EXPECT_EQ(answers().size(), 4U);
 }
 
-// A client that takes blocks of 127 segments reads what is staged, while joints move and the bus
-// has little room.
+// A client reads the staging buffer in blocks of 127 segments while joints move and the bus has
+// little room.
 class DumpInMotion : public testing::Test {
  protected:
   DumpInMotion() {
@@ -428,7 +428,7 @@ class DumpInMotion : public testing::Test {
   bool is_done = false;
 };
 
-TEST_F(DumpInMotion, JointFramesWaitForFourFramesAtMostAndNoneIsRefused) {
+TEST_F(DumpInMotion, JointFrames_WaitForAtMostFourFrames_NoneIsRefused) {
   bench.upstream.set_room(32);
   CanFrame initiated;
   ASSERT_TRUE(bench.upstream.take_one(initiated));
@@ -443,7 +443,7 @@ TEST_F(DumpInMotion, JointFramesWaitForFourFramesAtMostAndNoneIsRefused) {
   EXPECT_EQ(bench.upstream.counters().send_refused, 0U);
 }
 
-TEST_F(DumpInMotion, WhereThePortDoesNotKnowItsBacklogASegmentLeavesInAMillisecond) {
+TEST_F(DumpInMotion, PortWithUnknownBacklog_SendsOneSegmentPerMillisecond) {
   cycle(100);
   cycle(100);
   while (!is_done && cycles < 2000) {
@@ -454,7 +454,7 @@ TEST_F(DumpInMotion, WhereThePortDoesNotKnowItsBacklogASegmentLeavesInAMilliseco
   EXPECT_LT(cycles, 2000 / 7 + 20);
 }
 
-// A transfer that has ended is over: silence behind it is nobody's fault.
+// Silence of the client after the end of a transfer is no time-out.
 TEST_F(SdoTest, TransfersThatAreDone_DoNotTimeOut) {
   const auto expect_quiet = [this] {
     answers();
@@ -492,7 +492,7 @@ TEST_F(SdoTest, BlockUploadWithoutCrc_EndsWithZero) {
   }
 }
 
-TEST_F(SdoTest, ExpeditedDownloadWithoutSize_ToAnObjectOfAnySizeIsFourBytes) {
+TEST_F(SdoTest, ExpeditedDownloadWithoutSize_ToADomainHasFourBytes) {
   EXPECT_EQ(bench.ask({0x22, 0x10, 0x20, 0, 1, 2, 3, 4})[0], 0x60);
   EXPECT_EQ(bench.read(0x2013, 3), 4U);
 }

@@ -1,4 +1,4 @@
-// Whole transfers: of every size, and disturbed at every one of their steps.
+// Whole transfers of many sizes, and transfers disturbed at each of their steps.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -8,10 +8,10 @@
 namespace armtrue::canopen {
 namespace {
 
-TEST(SdoTransfers, SizesComeBackAsTheyWereSent) {
+TEST(SdoTransfers, TransfersOfManySizes_ReadBackAsWritten) {
   NodeBench bench(false);
   SdoPeer peer(bench);
-  // Every size beyond one full block of 127 segments, then samples (canopen_sizes: all of them).
+  // Every size to beyond a full block of 127 segments, then samples (canopen_sizes: all sizes).
   for (std::size_t size = 1; size <= kMaxImageLength; size += size < 900 ? 1 : 509) {
     ASSERT_NO_THROW(peer.transfer_every_way(size)) << size;
   }
@@ -19,9 +19,9 @@ TEST(SdoTransfers, SizesComeBackAsTheyWereSent) {
   EXPECT_THROW(peer.transfer_every_way(kMaxImageLength + 1), std::runtime_error);
 }
 
-// A bridge between buses may repeat a frame. The last segment's first byte can be that of an abort
-// (1 to 31), of an end (65, 69 …) or of nothing (96 to 127).
-TEST(SdoTransfers, ABlocksSegmentThatComesTwice_IsTakenOnce) {
+// A bridge between buses may repeat a frame. By its number, the last segment's first byte can equal
+// that of an abort (1 to 31), of an end (65, 69 …) or of no command (96 to 127).
+TEST(SdoTransfers, RepeatedBlockSegment_IsTakenOnce) {
   NodeBench bench(false);
   for (std::size_t segments = 1; segments <= 127; ++segments) {
     const std::vector<std::uint8_t> data = sdo_pattern(7 * segments - 2);
@@ -44,7 +44,7 @@ enum class Trouble : std::uint8_t { kAbort, kSilence, kOtherRequest, kReset, kWr
 constexpr Trouble kTroubles[] = {Trouble::kAbort, Trouble::kSilence, Trouble::kOtherRequest,
                                  Trouble::kReset, Trouble::kWrongFrame};
 
-// The abort codes that leave, after what the transfer itself was still saying.
+// The abort codes among the sent frames; other responses of the transfer are skipped.
 std::vector<std::uint32_t> aborts_in(const std::vector<CanFrame>& frames) {
   std::vector<std::uint32_t> codes;
   for (const CanFrame& frame : frames) {
@@ -85,7 +85,7 @@ class TroubledTransfer : public testing::Test {
         EXPECT_TRUE(aborts_in(bench.upstream.take_sent()).empty());
         break;
       case Trouble::kWrongFrame:
-        // No such command, and as a segment beyond the block.
+        // No valid command; as a segment, its number is beyond the block.
         bench.from_controller(make_frame(0x620, {0xE0, 0, 0, 0, 0, 0, 0, 0}));
         bench.run_for(SdoServer::kTimeOutUs + 2000);
         EXPECT_EQ(aborts_in(bench.upstream.take_sent()).size(), 1U);
@@ -96,7 +96,7 @@ class TroubledTransfer : public testing::Test {
   NodeBench bench{false};
 };
 
-TEST_F(TroubledTransfer, AtEveryStepLeavesNothingHalfDone) {
+TEST_F(TroubledTransfer, AtEveryStep_LeavesNoPartOfATransfer) {
   const std::vector<std::uint8_t> before = sdo_pattern(33);
   const std::vector<std::uint8_t> data = sdo_pattern(40);
   SdoPeer peer(bench);
@@ -117,7 +117,7 @@ TEST_F(TroubledTransfer, AtEveryStepLeavesNothingHalfDone) {
           bench.all_sent();
         }
         trouble(kind, transfer == Transfer::kBlockDownload && sent + 1 < requests.size());
-        // What a reader finds is the whole of what was staged, or nothing.
+        // A reader finds all of the staged bytes, or none.
         EXPECT_EQ(bench.read(0x2013, 3), is_upload ? data.size() : 0U) << where();
         EXPECT_EQ(bench.read(0x2013, 1), is_upload ? 2U : 0U) << where();
         ASSERT_NO_THROW(peer.transfer_every_way(40)) << where();

@@ -1,4 +1,4 @@
-// A table's way onto the device, and every way in which it is refused.
+// Transfer of a table onto the device, and the reasons to refuse it.
 #include "firmware/canopen/table/table_transfer.h"
 
 #include <gtest/gtest.h>
@@ -64,7 +64,7 @@ class TableTransferTest : public testing::Test {
   NodeBench bench{true, false, bound_to("R-7")};
 };
 
-TEST_F(TableTransferTest, TrialConfirmAndItIsThereAfterPowerOn) {
+TEST_F(TableTransferTest, ConfirmedTable_IsInForceAfterPowerOn) {
   const std::vector<std::uint8_t> image = TestTable{.sequence = 5, .serial = "R-7"}.image();
   ASSERT_EQ(bench.stage(image), 0U);
   EXPECT_EQ(status(kStaging), 2U);
@@ -81,7 +81,7 @@ TEST_F(TableTransferTest, TrialConfirmAndItIsThereAfterPowerOn) {
   EXPECT_EQ(status(kTrial), 0U);
 }
 
-TEST_F(TableTransferTest, ChecksumsFollowWhatIsStagedAndWhatIsInForce) {
+TEST_F(TableTransferTest, Checksums_FollowTheStagedAndTheActiveTable) {
   const std::vector<std::uint8_t> one = TestTable{.sequence = 5, .serial = "R-7"}.image();
   const std::vector<std::uint8_t> two = TestTable{.sequence = 6, .serial = "R-7"}.image();
   const auto checksum = [](const std::vector<std::uint8_t>& image) {
@@ -114,7 +114,7 @@ TEST_F(TableTransferTest, ChecksumsFollowWhatIsStagedAndWhatIsInForce) {
   EXPECT_EQ(status(kActiveChecksum), checksum(one));
 }
 
-TEST_F(TableTransferTest, ATrialThatNobodyConfirmsEndsWithAReset) {
+TEST_F(TableTransferTest, UnconfirmedTrial_EndsWithAReset) {
   bench.install(TestTable{.sequence = 5, .serial = "R-7"}.image());
   bench.put_on_trial(TestTable{.sequence = 6, .serial = "R-7"}.image());
   EXPECT_EQ(status(kSequence), 6U);
@@ -122,7 +122,7 @@ TEST_F(TableTransferTest, ATrialThatNobodyConfirmsEndsWithAReset) {
   EXPECT_EQ(status(kSequence), 5U);
 }
 
-TEST_F(TableTransferTest, RevertReturnsToTheTableBeforeAtOnce) {
+TEST_F(TableTransferTest, Revert_RestoresThePreviousTableAtOnce) {
   bench.install(TestTable{.sequence = 5, .serial = "R-7"}.image());
   bench.put_on_trial(TestTable{.sequence = 6, .serial = "R-7"}.image());
   ASSERT_EQ(bench.command(TableCommand::kRevert), 0U);
@@ -132,7 +132,7 @@ TEST_F(TableTransferTest, RevertReturnsToTheTableBeforeAtOnce) {
   EXPECT_EQ(status(kSequence), 5U);
 }
 
-TEST_F(TableTransferTest, WhatWasCommittedAndDropped_IsCommittedAgainOutOfTheBuffer) {
+TEST_F(TableTransferTest, RevertedCommit_CanBeCommittedAgainFromTheBuffer) {
   for (const bool mark_fails : {false, true}) {
     bench.commit(TestTable{.serial = "R-7"}.image());
     bench.flash.protect(mark_fails);
@@ -147,7 +147,7 @@ TEST_F(TableTransferTest, WhatWasCommittedAndDropped_IsCommittedAgainOutOfTheBuf
   }
 }
 
-TEST_F(TableTransferTest, ATableThatIsStagedWhileAnotherWaits_IsNotVerifiedByDroppingThat) {
+TEST_F(TableTransferTest, RevertOfACommit_DoesNotVerifyATableStagedSince) {
   bench.commit(TestTable{.serial = "R-7"}.image());
   ASSERT_EQ(bench.stage(TestTable{.sequence = 2, .serial = "R-7"}.image()), 0U);
   ASSERT_EQ(bench.command(TableCommand::kRevert), 0U);
@@ -170,7 +170,7 @@ TEST_F(TableTransferTest, AnotherRobotsTableIsRefused) {
                  static_cast<std::uint32_t>(Refusal::kRobotSerial));
 }
 
-TEST_F(TableTransferTest, AnotherArmsTableIsRefused) {
+TEST_F(TableTransferTest, TableOfAnotherJointCount_IsRefused) {
   expect_refused(TestTable{.joints = 5, .serial = "R-7"}.image(),
                  static_cast<std::uint32_t>(Refusal::kJointCount));
 }
@@ -199,7 +199,7 @@ TEST_F(TableTransferTest, ADeviceWithAKeyRefusesUnsignedTables) {
   EXPECT_EQ(keyed.read(0x2013, kReason), static_cast<std::uint32_t>(Refusal::kUnsigned));
 }
 
-TEST_F(TableTransferTest, WhileJointsAreCommandedNothingOfItHappens) {
+TEST_F(TableTransferTest, WhileJointsAreCommanded_TableCommandsAreRefused) {
   const std::vector<std::uint8_t> image = TestTable{.serial = "R-7"}.image();
   ASSERT_EQ(bench.stage(image), 0U);
   bench.configure(Mode::kInline);
@@ -215,7 +215,7 @@ TEST_F(TableTransferTest, WhileJointsAreCommandedNothingOfItHappens) {
   EXPECT_EQ(bench.command(TableCommand::kVerify), 0U) << "what was staged before is still there";
 }
 
-TEST_F(TableTransferTest, AnInterruptedTransferLeavesAnEmptyBufferAndMayBeRepeated) {
+TEST_F(TableTransferTest, InterruptedTransfer_EmptiesTheBuffer_CanBeRepeated) {
   bench.ask({0x21, 0x10, 0x20, 0, 200, 0, 0, 0});
   bench.ask({0x00, 1, 2, 3, 4, 5, 6, 7});
   EXPECT_EQ(status(kStaging), 0U) << "this very read was the interruption";
@@ -237,7 +237,7 @@ TEST_F(TableTransferTest, AFailingFlashIsReportedAndTheOldTableStays) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-TEST_F(TableTransferTest, Status_FollowsATableThroughItsLife) {
+TEST_F(TableTransferTest, Status_FollowsATableFromStagingToConfirmation) {
   const auto state = [](storage::SlotState slot) { return static_cast<std::uint32_t>(slot); };
   const auto image = [](std::uint32_t sequence) {
     return TestTable{.sequence = sequence, .serial = "R-7"}.image();
@@ -264,7 +264,7 @@ TEST_F(TableTransferTest, Status_FollowsATableThroughItsLife) {
   bench.install(image(6));
   EXPECT_EQ(status(kSlotB), state(storage::SlotState::kConfirmed));
   EXPECT_EQ(status(kActiveSlot), 1U);
-  // The store numbers its commits by itself.
+  // The store numbers its commits itself; these are not the tables' sequence numbers.
   EXPECT_EQ(status(kSequenceA), 1U);
   EXPECT_EQ(status(kSequenceB), 2U);
   EXPECT_EQ(bench.command(TableCommand::kConfirm), kDeviceState) << "no trial";
@@ -280,7 +280,7 @@ TEST_F(TableTransferTest, CommandsThatTheStoreRefuses_AreCounted) {
   EXPECT_EQ(bench.read(0x2001, 6), refused + 3);
 }
 
-TEST_F(TableTransferTest, ActivateWithNothingCommitted_LeavesWhatIsStaged) {
+TEST_F(TableTransferTest, ActivateWithNothingCommitted_KeepsTheStagedTable) {
   ASSERT_EQ(bench.stage(TestTable{.serial = "R-7"}.image()), 0U);
   const std::uint32_t checksum = status(kStagedChecksum);
   EXPECT_EQ(bench.command(TableCommand::kActivate), kDeviceState);
@@ -304,7 +304,7 @@ TEST_F(TableTransferTest, ActivateThatFailsInFlash_EmptiesTheStagingBuffer) {
   EXPECT_EQ(status(kStaging), 0U) << "the slot's table was read into that buffer";
 }
 
-TEST_F(TableTransferTest, ATableThatPasses_EndsTheAlarmOfOneThatDidNot) {
+TEST_F(TableTransferTest, AcceptedTable_EndsTheErrorOfARefusedOne) {
   const auto wrong = TestTable{.serial = "R-8"}.image();
   expect_refused(wrong, static_cast<std::uint32_t>(Refusal::kRobotSerial));
   expect_refused(wrong, static_cast<std::uint32_t>(Refusal::kRobotSerial));
@@ -316,7 +316,7 @@ TEST_F(TableTransferTest, ATableThatPasses_EndsTheAlarmOfOneThatDidNot) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-TEST_F(TableTransferTest, TheByteThatARefusalIsAbout_IsSaidUntilTheNextTable) {
+TEST_F(TableTransferTest, RefusedByte_IsReportedUntilTheTableIsDiscarded) {
   const auto image = TestTable{.serial = "R-7"}.image();
   const std::size_t field = format::joint::kMagnitudeAt;
   const auto at = static_cast<std::uint32_t>(TableView(image).joint(2) - image.data() + field);
@@ -330,7 +330,7 @@ TEST_F(TableTransferTest, TheByteThatARefusalIsAbout_IsSaidUntilTheNextTable) {
   EXPECT_EQ(status(kReason), 0U);
 }
 
-TEST_F(TableTransferTest, LimitsOfOneJointThatAreTooWide_AreEnoughForARefusal) {
+TEST_F(TableTransferTest, TooWideLimitOfOneJoint_IsRefused) {
   const auto image = TestTable{.serial = "R-7"}.image();
   for (std::size_t joint = 0; joint < 6; ++joint) {
     SCOPED_TRACE(joint);
@@ -342,7 +342,7 @@ TEST_F(TableTransferTest, LimitsOfOneJointThatAreTooWide_AreEnoughForARefusal) {
   }
 }
 
-TEST_F(TableTransferTest, ATrialIsOver_EvenWhereItsMarkCannotBeWritten) {
+TEST_F(TableTransferTest, RevertWithFailingFlash_StillEndsTheTrial) {
   bench.install(TestTable{.sequence = 5, .serial = "R-7"}.image());
   bench.put_on_trial(TestTable{.sequence = 6, .serial = "R-7"}.image());
   bench.flash.protect(true);
@@ -351,8 +351,8 @@ TEST_F(TableTransferTest, ATrialIsOver_EvenWhereItsMarkCannotBeWritten) {
   EXPECT_EQ(status(kTrial), 0U);
 }
 
-TEST_F(TableTransferTest, DrivesWhoseResolutionIsNoWholeNumber_AreGivenAsARatio) {
-  // 2^20 and 2^-10 increments a turn.
+TEST_F(TableTransferTest, NonIntegerResolution_IsReportedAsARatio) {
+  // 2^20 + 2^-10 increments a turn.
   auto image = with_joint(TestTable{.serial = "R-7"}.image(), 4, format::joint::kIncrementPerUnitAt,
                           std::int32_t{(1 << 30) + 1});
   image = with_joint(image, 4, format::joint::kUnitPerIncrementAt, std::int32_t{(1 << 30) - 1});
@@ -363,7 +363,7 @@ TEST_F(TableTransferTest, DrivesWhoseResolutionIsNoWholeNumber_AreGivenAsARatio)
   EXPECT_EQ(bench.read(0x608F, 2), 1U);
 }
 
-TEST_F(TableTransferTest, DrivesOfAnyFineness_AreGivenInIncrements) {
+TEST_F(TableTransferTest, IntegerResolution_IsReportedInIncrements) {
   for (const int finer : {0, 4, 9, 10}) {
     NodeBench other(true, false, bound_to("R-7"));
     other.install(TestTable{.serial = "R-7", .finer = finer}.image());
@@ -372,7 +372,7 @@ TEST_F(TableTransferTest, DrivesOfAnyFineness_AreGivenInIncrements) {
   }
 }
 
-TEST_F(TableTransferTest, AResolutionThatATrialBrought_GoesWithIt) {
+TEST_F(TableTransferTest, Revert_RemovesTheResolutionOfTheTrialTable) {
   NodeBench blank(true, false, bound_to("R-7"));
   blank.put_on_trial(TestTable{.serial = "R-7", .finer = 4}.image());
   ASSERT_EQ(blank.read(0x608F, 1), 1U << 24);
@@ -387,7 +387,7 @@ TEST_F(TableTransferTest, AResolutionThatATrialBrought_GoesWithIt) {
   EXPECT_EQ(blank.read(0x608F, 1), 1U << 20) << "that of the confirmed table";
 }
 
-TEST_F(TableTransferTest, ATableThatTheDrivesDoNotFitAnyMore_LeavesRoomForAnother) {
+TEST_F(TableTransferTest, TableOfOtherResolution_DoesNotBlockTheBuffer) {
   const auto image = TestTable{.serial = "R-7"}.image();
   bench.commit(image);
   ASSERT_EQ(bench.write(0x608F, 1, 1U << 24, 4), 0U) << "other drives";
