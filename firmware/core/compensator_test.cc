@@ -1,4 +1,4 @@
-// What a robot may rely on, whatever the table: pass-through, limits, blending, swaps, continuity.
+// Guarantees that hold for every table: pass-through, limits, blending, switching, continuity.
 #include "firmware/core/compensator.h"
 
 #include <gtest/gtest.h>
@@ -49,7 +49,7 @@ Bytes offset_table(double radian) {
 
 class CompensatorTest : public ::testing::Test {
  protected:
-  // The image stays where it is until the test ends.
+  // Activates a copy of `image`, which is kept until the test ends.
   void activate(const Bytes& image) {
     images_.push_back(image);
     put_in_force(compensator, images_.back());
@@ -96,7 +96,7 @@ TEST_F(CompensatorTest, ARefusedTableChangesNothing) {
   EXPECT_EQ(compensator.load(six_joints, {}).refusal, Refusal::kJointCount);
 }
 
-TEST_F(CompensatorTest, MotorSideOffsetsAreTakenOffExactly) {
+TEST_F(CompensatorTest, MotorOffsets_AreSubtractedWithinOneIncrement) {
   activate(offset_table(1e-3));
   for (const double q : {-3.0, -0.2, 0.0, 1.5, 3.1}) {
     const CycleOutput output = settle(compensator, at(q));
@@ -158,7 +158,7 @@ TEST_F(CompensatorTest, EnablingDisablingAndSwitchingMakeNoStep) {
   EXPECT_EQ(compensator.counters().rate_clamped, 0U);
 }
 
-TEST_F(CompensatorTest, DisablingInMidBlendGoesBackFromWhereItIs) {
+TEST_F(CompensatorTest, DisableDuringBlend_FadesFromCurrentCorrection) {
   activate(offset_table(5e-3));
   const CycleOutput half = settle(compensator, at(0.2), 50);
   ASSERT_NEAR(half.delta[0], -increments(2.5e-3), 1000);
@@ -177,7 +177,7 @@ TEST_F(CompensatorTest, DisablingWithoutATableIsPassThrough) {
   EXPECT_NEAR(settle(compensator, at(0.2)).delta[0], -increments(1e-3), 1);
 }
 
-TEST_F(CompensatorTest, ATableInUseIsKnownToBe) {
+TEST_F(CompensatorTest, IsInUse_IsTrueForPendingAndActiveTables) {
   const Bytes first = offset_table(1e-3);
   const Bytes second = offset_table(2e-3);
   EXPECT_FALSE(compensator.is_in_use(first));
@@ -192,7 +192,7 @@ TEST_F(CompensatorTest, ATableInUseIsKnownToBe) {
   EXPECT_FALSE(compensator.is_in_use(second)) << "nor is an image read on the way to zero";
 }
 
-TEST_F(CompensatorTest, AWayToZeroReadsNoImage) {
+TEST_F(CompensatorTest, FadeToZero_ReadsNoImage) {
   Bytes image = offset_table(5e-3);
   put_in_force(compensator, image);
   CycleOutput last = settle(compensator, at(0.2));
@@ -207,7 +207,7 @@ TEST_F(CompensatorTest, AWayToZeroReadsNoImage) {
   EXPECT_EQ(last.delta[0], 0);
 }
 
-TEST_F(CompensatorTest, SetsThatComeTooFastChangeTheCorrectionNoFaster) {
+TEST_F(CompensatorTest, EarlyCycles_KeepTheRateLimitPerSecond) {
   TestImage made(kJoints);
   made.add_constant(0, 0.2);
   activate(made.image());
@@ -216,11 +216,11 @@ TEST_F(CompensatorTest, SetsThatComeTooFastChangeTheCorrectionNoFaster) {
   const std::int32_t before = compensator.cycle(input).delta[0];
   std::int32_t after = before;
   for (int set = 0; set < 1000; ++set) after = compensator.cycle(input).delta[0];
-  // 0.1 turn a second for 70 ms, and what rounding up may give a set.
+  // 0.1 turn per second for 70 ms, and one increment per cycle for rounding up.
   EXPECT_LE(std::abs(after - before), 16777216.0 * 0.1 * 0.070 + 1000);
 }
 
-TEST_F(CompensatorTest, AWayToZeroEndsWhateverRateATableHas) {
+TEST_F(CompensatorTest, FadeToZero_AtAnyAcceptedRate_EndsInTime) {
   for (const std::int32_t rate : {4 * kMinRate, kMinRate, kMinRate - 1, 999, 0}) {
     const Bytes fast = offset_table(5e-3);
     TestImage slow(kJoints);
@@ -234,7 +234,7 @@ TEST_F(CompensatorTest, AWayToZeroEndsWhateverRateATableHas) {
     settle(own, at(0.2));
     const bool accepted = own.load(image, {}).accepted();
     ASSERT_EQ(accepted, rate >= kMinRate);
-    if (!accepted) continue;  // refused: nothing to be slow
+    if (!accepted) continue;  // refused, so there is no fade to check
     ASSERT_TRUE(own.activate());
     own.cycle(at(0.2));
     own.park();
@@ -244,7 +244,7 @@ TEST_F(CompensatorTest, AWayToZeroEndsWhateverRateATableHas) {
   }
 }
 
-TEST_F(CompensatorTest, AnOutputThatIsTakenBackNeverWas) {
+TEST_F(CompensatorTest, TakeBack_DoesNotAffectLaterOutputs) {
   const Bytes image = offset_table(5e-3);
   Compensator once(config());
   Compensator twice(config());
@@ -258,15 +258,15 @@ TEST_F(CompensatorTest, AnOutputThatIsTakenBackNeverWas) {
   }
 }
 
-// What is asked of the compensator between a cycle and its being taken back.
+// Requests to the compensator between a cycle and its take_back().
 class TakenBackTest : public CompensatorTest {
  protected:
   TakenBackTest() {
     activate(offset_table(5e-3));
     whole_ = settle(compensator, at(0.2)).delta[0];
   }
-  // A cycle is computed, `change` happens, and the cycle does not go out. The last correction after
-  // as many cycles as any way takes.
+  // Runs a cycle, applies `change`, takes the cycle back. Returns the correction kFadeCycles later,
+  // when every blend has ended.
   template <typename Change>
   std::int32_t after(const Change& change) {
     compensator.cycle(at(0.2));
@@ -277,17 +277,17 @@ class TakenBackTest : public CompensatorTest {
   std::int32_t whole_ = 0;
 };
 
-TEST_F(TakenBackTest, Disabled_IsTheWayToZero) {
+TEST_F(TakenBackTest, DisableBeforeTakeBack_FadesToZero) {
   EXPECT_EQ(after([this] { compensator.disable(); }), 0);
   EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
 }
 
-TEST_F(TakenBackTest, Parked_IsTheWayToZero) {
+TEST_F(TakenBackTest, ParkBeforeTakeBack_FadesToZero) {
   EXPECT_EQ(after([this] { compensator.park(); }), 0);
   EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
 }
 
-TEST_F(TakenBackTest, ParkedOrDisabled_IsFadingAtOnce) {
+TEST_F(TakenBackTest, ParkOrDisable_FadesBeforeAndAfterTakeBack) {
   for (const bool parked : {true, false}) {
     settle(compensator, at(0.2));
     parked ? compensator.park() : compensator.disable();
@@ -298,17 +298,17 @@ TEST_F(TakenBackTest, ParkedOrDisabled_IsFadingAtOnce) {
   }
 }
 
-TEST_F(TakenBackTest, Resumed_BlendsInAgain) {
+TEST_F(TakenBackTest, ResumeBeforeTakeBack_BlendsInAgain) {
   compensator.park();
   settle(compensator, at(0.2));
   EXPECT_EQ(after([this] { compensator.resume(); }), whole_);
 }
 
-TEST_F(TakenBackTest, AnotherTable_BlendsIn) {
+TEST_F(TakenBackTest, NewTableBeforeTakeBack_BlendsIn) {
   EXPECT_EQ(after([this] { activate(offset_table(2e-3)); }), -increments(2e-3));
 }
 
-TEST_F(TakenBackTest, DisabledWithTheCycleThatReachesZero_StillHasThatWayToGo) {
+TEST_F(TakenBackTest, DisableAndTakeBackOfLastFadeCycle_FadesOn) {
   compensator.park();
   std::int32_t last = 0;
   while (compensator.state() != CompensatorState::kPassThrough) {
@@ -323,7 +323,7 @@ TEST_F(TakenBackTest, DisabledWithTheCycleThatReachesZero_StillHasThatWayToGo) {
   EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
 }
 
-TEST_F(CompensatorTest, OutputThatDidNotReachAJoint_LeavesItWhereItWas) {
+TEST_F(CompensatorTest, TakeBackOfOneJoint_KeepsItsCorrection) {
   TestImage made(kJoints);
   made.add_constant(0, 5e-3);
   made.add_constant(1, 5e-3);
@@ -345,7 +345,7 @@ TEST_F(CompensatorTest, OutputThatDidNotReachAJoint_LeavesItWhereItWas) {
   EXPECT_EQ(settle(compensator, at(0.2)).delta[0], last);
 }
 
-TEST_F(CompensatorTest, FirstOutputThatDidNotReachAJoint_LeavesWhatItBeganWith) {
+TEST_F(CompensatorTest, TakeBackOfOneJoint_AfterBegin_KeepsHeldCorrection) {
   activate(offset_table(5e-3));
   std::array<std::int32_t, kJoints> held = {};
   held[0] = 1000;
@@ -356,7 +356,7 @@ TEST_F(CompensatorTest, FirstOutputThatDidNotReachAJoint_LeavesWhatItBeganWith) 
   EXPECT_EQ(compensator.correction_of(output.cycle, 0), 1000);
 }
 
-TEST_F(CompensatorTest, ZeroThatDidNotReachAJoint_IsNotTheEnd) {
+TEST_F(CompensatorTest, TakeBackOfFinalZero_AtOneJoint_FadesOn) {
   TestImage made(kJoints);
   made.add_constant(0, 5e-3);
   activate(made.image());
@@ -371,7 +371,7 @@ TEST_F(CompensatorTest, ZeroThatDidNotReachAJoint_IsNotTheEnd) {
   EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
 }
 
-TEST_F(CompensatorTest, DisabledBeforeTheFirstCycle_BlendsOutWhatTheDrivesHold) {
+TEST_F(CompensatorTest, BeginWhileDisabled_BlendsHeldCorrectionOut) {
   activate(offset_table(5e-3));
   compensator.disable();
   std::array<std::int32_t, kJoints> held = {};
@@ -387,14 +387,14 @@ TEST_F(CompensatorTest, DisabledBeforeTheFirstCycle_BlendsOutWhatTheDrivesHold) 
   EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
 }
 
-TEST_F(CompensatorTest, DisabledAndNothingHeld_ItIsPassThroughAtOnce) {
+TEST_F(CompensatorTest, BeginWhileDisabled_NothingHeld_IsPassThrough) {
   activate(offset_table(5e-3));
   compensator.disable();
   EXPECT_TRUE(compensator.begin(std::array<std::int32_t, kJoints>{}));
   EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
 }
 
-TEST_F(CompensatorTest, ParkedAndResumedItBlendsWithoutAStep) {
+TEST_F(CompensatorTest, ParkAndResume_BlendWithoutAStep) {
   activate(offset_table(5e-3));
   CycleOutput last = settle(compensator, at(0.2));
   const std::int32_t whole = last.delta[0];
@@ -415,7 +415,7 @@ TEST_F(CompensatorTest, ParkedAndResumedItBlendsWithoutAStep) {
 
 class FinerDrivesTest : public ::testing::TestWithParam<double> {};
 
-TEST_P(FinerDrivesTest, AreApproachedNoFaster_AndCountedForTheirJoint) {
+TEST_P(FinerDrivesTest, TableSwitch_KeepsRateLimit_CountsClampedJoint) {
   const auto with_offset_of_joint_2 = [](std::uint8_t finer) {
     TestImage made(kJoints);
     made.add_constant(1, GetParam());
@@ -447,7 +447,7 @@ TEST_P(FinerDrivesTest, AreApproachedNoFaster_AndCountedForTheirJoint) {
 
 INSTANTIATE_TEST_SUITE_P(BothWays, FinerDrivesTest, ::testing::Values(5e-3, -5e-3));
 
-TEST_F(CompensatorTest, AChangeOfJustTheRate_IsNotClamped) {
+TEST_F(CompensatorTest, ChangeAtRateLimit_IsNotClamped_OneUnitMoreIs) {
   constexpr std::int64_t kUnitsPerIncrement = 256;
   TestImage made(kJoints);
   made.add_state(format::State::kDirection, 0, 30);
@@ -476,7 +476,7 @@ TEST_F(CompensatorTest, AChangeOfJustTheRate_IsNotClamped) {
   }
 }
 
-TEST_F(CompensatorTest, WaysOfAnAxisThatTurnsOn_AreTheShortOnes) {
+TEST_F(CompensatorTest, WayInAWrappingRange_IsTheShortest) {
   const PositionBounds bounds = {.range_low = -100, .range_high = 99};
   EXPECT_EQ(bounds.way(100), 100);
   EXPECT_EQ(bounds.way(101), -99);
@@ -484,15 +484,15 @@ TEST_F(CompensatorTest, WaysOfAnAxisThatTurnsOn_AreTheShortOnes) {
   EXPECT_EQ(bounds.way(-101), 99);
 }
 
-TEST_F(CompensatorTest, RangeOfOnePosition_IsNoneToWrapIn) {
-  // 0x607B (position range limit): both ends are zero until somebody writes them.
+TEST_F(CompensatorTest, RangeOfOnePosition_DoesNotWrap) {
+  // 0x607B (position range limit): both ends are zero until they are written.
   const PositionBounds bounds = {.range_low = 0, .range_high = 0};
   EXPECT_FALSE(bounds.wraps());
   EXPECT_EQ(bounds.way(5), 5);
   EXPECT_EQ(bounds.wrapped(1), 1);
 }
 
-TEST_F(CompensatorTest, ResumedWithoutATable_ItStaysInPassThrough) {
+TEST_F(CompensatorTest, ResumeWithoutATable_StaysInPassThrough) {
   activate(offset_table(1e-3));
   compensator.disable();
   settle(compensator, at(0.2));
@@ -501,13 +501,13 @@ TEST_F(CompensatorTest, ResumedWithoutATable_ItStaysInPassThrough) {
   EXPECT_EQ(compensator.cycle(at(0.2)).state, CompensatorState::kPassThrough);
 }
 
-TEST_F(CompensatorTest, IncrementsOfATurn_FollowFromTheTable) {
+TEST_F(CompensatorTest, IncrementsPerTurn_ComeFromTheTable) {
   EXPECT_EQ(compensator.scale(0).per_turn, 0) << "not known without a table";
   activate(offset_table(1e-3));
   EXPECT_EQ(compensator.scale(0).per_turn, 1 << 24);
 }
 
-TEST_F(CompensatorTest, ACorrectedTargetPassesNoLimitThatThePlainOneRespects) {
+TEST_F(CompensatorTest, CorrectedTarget_IsClampedAtThePositionLimit) {
   activate(offset_table(-5e-3));
   const std::int32_t limit = increments(0.2);
   compensator.set_bounds(0, {.limit_low = -limit, .limit_high = limit});
@@ -521,7 +521,7 @@ TEST_F(CompensatorTest, ACorrectedTargetPassesNoLimitThatThePlainOneRespects) {
   }
 }
 
-TEST_F(CompensatorTest, LimitsWithinARangeThatWraps_HoldToo) {
+TEST_F(CompensatorTest, PositionLimits_InAWrappingRange_Hold) {
   const auto within = [this](const PositionBounds& bounds, std::int64_t corrected,
                              std::int32_t plain) {
     compensator.set_bounds(0, bounds);
@@ -533,24 +533,24 @@ TEST_F(CompensatorTest, LimitsWithinARangeThatWraps_HoldToo) {
   EXPECT_EQ(within(both, -510, -495), -500);
   EXPECT_EQ(within(both, 310, 300), 310);
   EXPECT_EQ(within(both, 530, 520), 520) << "the plain target itself is beyond";
-  // One limit alone: the other end of the range leads past it.
+  // With one limit, the other end of the range is a limit too: a wrap would pass the first.
   const PositionBounds upper{.range_low = -1000, .range_high = 999, .limit_high = 500};
   EXPECT_EQ(within(upper, -1010, -995), -1000);
   EXPECT_EQ(within(upper, 510, 495), 500);
   const PositionBounds lower{.range_low = -1000, .range_high = 999, .limit_low = -500};
   EXPECT_EQ(within(lower, 1010, 995), 999);
-  // All of the range is permitted: it turns on.
+  // The limits permit the whole range: the axis may turn on past its ends.
   const PositionBounds whole{
       .range_low = -1000, .range_high = 999, .limit_low = -1000, .limit_high = 999};
   EXPECT_EQ(within(whole, 1010, 995), 1010);
   EXPECT_EQ(within(whole, -1010, -995), -1010);
-  // None of it is: no limit that means anything.
+  // The limits permit no position of the range: they are ignored.
   const PositionBounds none{
       .range_low = -1000, .range_high = 999, .limit_low = 2000, .limit_high = 3000};
   EXPECT_EQ(within(none, 510, 495), 510);
 }
 
-TEST_F(CompensatorTest, PositionsThatWrapAreCorrectedAroundTheEnd) {
+TEST_F(CompensatorTest, WrappingPositions_AreCorrectedAcrossTheWrap) {
   activate(offset_table(-5e-3));
   const PositionBounds turn{.range_low = 0, .range_high = 16777215};
   compensator.set_bounds(0, turn);
@@ -585,8 +585,8 @@ TEST_F(CompensatorTest, MagnitudeIsLimitedByTheTableAndCounted) {
   for (std::size_t k = 1; k < kMaxJoints; ++k) EXPECT_EQ(counters.clamped[k], 0U);
 }
 
-// Joints 0 and 1 turn the tool against each other: of ±20 mrad each, little is left at the tool.
-// Joint 0 may have less than a third of that.
+// The corrections of joints 0 and 1, ±20 mrad, largely cancel at the tool. The limit of joint 0 is
+// below a third of that.
 Bytes table_of_cancelling_corrections(std::int32_t limit_of_joint_0) {
   TestImage made(kJoints);
   made.add_constant(0, 0.02);
@@ -595,7 +595,7 @@ Bytes table_of_cancelling_corrections(std::int32_t limit_of_joint_0) {
   return made.image();
 }
 
-// How far the tool of that arm is from where it was commanded to be, metres.
+// Distance of that arm's tool from its commanded position, metres.
 double tool_error(const CycleInput& input, const std::array<std::int32_t, kMaxJoints>& sent) {
   constexpr std::array<double, kJoints> kArmIsOffBy = {0.02, -0.02, 0.0};
   std::array<double, 2> error = {};
@@ -623,7 +623,7 @@ TEST_F(CompensatorTest, CorrectionBeyondOneJointsLimit_IsScaledAtAllJoints) {
   EXPECT_EQ(compensator.counters().clamped[1], 0U) << "joint 1 is within its own limit";
 }
 
-TEST_F(CompensatorTest, JointThatMayHaveNoCorrection_LeavesNoneToTheOthers) {
+TEST_F(CompensatorTest, ZeroLimitOfOneJoint_ZeroesAllCorrections) {
   activate(table_of_cancelling_corrections(0));
   const CycleInput input = at(0.1, 0.4, -0.3);
   const CycleOutput output = settle(compensator, input);
@@ -631,7 +631,7 @@ TEST_F(CompensatorTest, JointThatMayHaveNoCorrection_LeavesNoneToTheOthers) {
   EXPECT_TRUE((output.flags & kMagnitudeClamped) != 0);
 }
 
-TEST_F(CompensatorTest, CorrectionThatExceedsALimitWhileBlending_KeepsItsDirection) {
+TEST_F(CompensatorTest, BlendBeyondAJointLimit_KeepsCorrectionDirection) {
   activate(table_of_cancelling_corrections(1 << 22));
   const CycleInput input = at(0.1, 0.4, -0.3);
   for (int cycle = 0; cycle < 300; ++cycle) {
@@ -640,7 +640,7 @@ TEST_F(CompensatorTest, CorrectionThatExceedsALimitWhileBlending_KeepsItsDirecti
   }
 }
 
-TEST_F(CompensatorTest, HeldJointAtAScaledCorrection_EndsTheBlend) {
+TEST_F(CompensatorTest, Blend_WithHeldJointAtScaledCorrection_Ends) {
   activate(table_of_cancelling_corrections(1 << 22));
   CycleInput input = at(0.1, 0.4, -0.3);
   settle(compensator, input);
@@ -705,7 +705,7 @@ TEST_F(CompensatorTest, DirectionNeedsMoreThanTheDeadBand) {
   };
   EXPECT_EQ(settle(compensator, input).delta[0], 0);  // never moved: no direction
   EXPECT_EQ(move(60), 0);                             // within the dead band of 100
-  EXPECT_EQ(move(40), 0);                             // all of it, and no more
+  EXPECT_EQ(move(40), 0);                             // exactly the dead band
   EXPECT_NEAR(move(20), -backlash, 1);                // 120: moved up
   EXPECT_NEAR(move(-90), -backlash, 1);               // noise
   EXPECT_NEAR(move(80), -backlash, 1);
@@ -716,7 +716,7 @@ TEST_F(CompensatorTest, DirectionNeedsMoreThanTheDeadBand) {
   compensator.restart_stream();
   EXPECT_NEAR(move(80), backlash, 1);  // within the dead band
   compensator.restart_stream();
-  EXPECT_EQ(move(30), 0);  // 110 from where it was left: by whom, and from which side?
+  EXPECT_EQ(move(30), 0);  // 110 from its last target: direction unknown
   EXPECT_EQ(move(100), 0);
   EXPECT_NEAR(move(1), -backlash, 1);
   compensator.forget_direction(1);
@@ -725,8 +725,7 @@ TEST_F(CompensatorTest, DirectionNeedsMoreThanTheDeadBand) {
   EXPECT_EQ(move(0), 0);
 }
 
-TEST_F(CompensatorTest,
-       ADriveThatCountsAgainstItsJoint_IsApproachedFromTheSideThatTheJointComesFrom) {
+TEST_F(CompensatorTest, ReversedDrive_DirectionIsThatOfTheJoint) {
   TestImage made(kJoints);
   made.add_state(format::State::kDirection, 0, 30);
   made.add_term(0, 1, 1e-3, 30);
@@ -748,7 +747,7 @@ TEST_F(CompensatorTest,
   EXPECT_NEAR(settle(compensator, input).delta[0], -backlash, 1);
 }
 
-TEST(PositionBoundsTest, AWayOfAnyNumberOfTurns_IsTheShortOne) {
+TEST(PositionBoundsTest, WayOverManyTurns_IsTheShortest) {
   const PositionBounds turn{.range_low = 0, .range_high = 999};
   for (const std::int64_t turns : {-2'000'000, -3, -2, -1, 0, 1, 2, 3, 2'000'000}) {
     EXPECT_EQ(turn.way(turns * 1000 + 400), 400) << turns;
@@ -756,7 +755,7 @@ TEST(PositionBoundsTest, AWayOfAnyNumberOfTurns_IsTheShortOne) {
   }
 }
 
-TEST_F(CompensatorTest, AnInterruptionWhileACycleIsTakenBack_IsOneAllTheSame) {
+TEST_F(CompensatorTest, RestartStreamBeforeTakeBack_StaysInEffect) {
   TestImage made(kJoints);
   made.add_state(format::State::kDirection, 0, 30);
   made.add_term(0, 1, 1e-3, 30);
@@ -768,7 +767,7 @@ TEST_F(CompensatorTest, AnInterruptionWhileACycleIsTakenBack_IsOneAllTheSame) {
   EXPECT_EQ(settle(compensator, at(0.2)).delta[0], 0);
 }
 
-TEST_F(CompensatorTest, WhatATableReads_IsNeededWhileItCorrects) {
+TEST_F(CompensatorTest, NeededInputs_AreThoseOfTheActiveTable) {
   EXPECT_EQ(compensator.needed_inputs(), 0U);
   TestImage made(kJoints);
   made.header()[format::header::kSensorCountAt] = 2;
@@ -785,7 +784,7 @@ TEST_F(CompensatorTest, WhatATableReads_IsNeededWhileItCorrects) {
   EXPECT_EQ(compensator.needed_inputs(), 0U);
 }
 
-TEST_F(CompensatorTest, WhatWasBegunAndForgotten_IsHeldNoMore) {
+TEST_F(CompensatorTest, Forget_DiscardsTheHeldCorrection) {
   activate(offset_table(5e-3));
   std::array<std::int32_t, kJoints> held = {};
   held[0] = 1000;
@@ -797,7 +796,7 @@ TEST_F(CompensatorTest, WhatWasBegunAndForgotten_IsHeldNoMore) {
   EXPECT_EQ(settle(compensator, at(0.2)).delta[0], -increments(5e-3)) << "a start like any other";
 }
 
-TEST_F(CompensatorTest, DirectionIsFollowedBeforeThereIsATable) {
+TEST_F(CompensatorTest, Direction_IsTrackedWithoutATable) {
   TestImage made(kJoints);
   made.add_state(format::State::kDirection, 0, 30);
   made.add_term(0, 1, 1e-3, 30);
@@ -809,7 +808,7 @@ TEST_F(CompensatorTest, DirectionIsFollowedBeforeThereIsATable) {
   EXPECT_NEAR(settle(compensator, input).delta[0], -increments(1e-3), 1);
 }
 
-TEST_F(CompensatorTest, FeedbackIsUncorrectedByTheDeltaOfItsOwnCycle) {
+TEST_F(CompensatorTest, CorrectionOf_UndoesTheOutputOfThatCycle) {
   TestImage made(kJoints);
   made.add_harmonic(0, 0, 3.0, 0.0, 5e-3);
   activate(made.image());
@@ -822,7 +821,7 @@ TEST_F(CompensatorTest, FeedbackIsUncorrectedByTheDeltaOfItsOwnCycle) {
   }
   for (std::size_t late = 0; late < kFeedbackHistory; ++late) {
     const std::size_t i = outputs.size() - 1 - late;
-    // Ideal drives stand where they were told: the controller must see its own command.
+    // Ideal drives reach the corrected target: the controller must see its own command.
     for (std::size_t k = 0; k < kJoints; ++k) {
       EXPECT_EQ(outputs[i].corrected[k] - compensator.correction_of(outputs[i].cycle, k),
                 inputs[i].target[k]);
@@ -844,7 +843,7 @@ TEST_F(CompensatorTest, CorrectionIsContinuousAcrossTheTurnAndAcrossCells) {
   const double step = 1e-4;
   std::int32_t last = compensator.cycle(at(-3.5)).delta[0];
   std::uint16_t met = kCycleClean;
-  // Slope at most 13 · 2 mrad and 4 mrad a cell of 0.25 rad, three increments for rounding.
+  // Slopes: 13 · 2 mrad per rad and 4 mrad per cell of 0.25 rad. Three increments for rounding.
   const double most = increments(step * (13.0 * 2e-3 + 4e-3 / 0.25) * 1.1) + 3.0;
   for (double q = -3.5; q < 3.5; q += step) {
     const CycleOutput output = compensator.cycle(at(q));
@@ -865,7 +864,7 @@ TEST_F(CompensatorTest, OutputSaturatesInsteadOfWrapping) {
   EXPECT_TRUE((output.flags & kOutputSaturated) != 0);
 }
 
-TEST_F(CompensatorTest, SmoothThroughTheSingularStretchedArm) {
+TEST_F(CompensatorTest, Correction_IsSmoothThroughTheStretchedArm) {
   // The planar arm stretched out: the radial direction is lost, and the error points along it.
   TestImage made(kJoints);
   made.add_constant(8 + 6, 2e-3);

@@ -1,5 +1,5 @@
 // Properties that hold for every table and every stream of commands, on random ones: pass-through,
-// limits, blending, swaps, feedback, continuity across cells, masks and the wrap at half a turn.
+// limits, blends, switching, feedback, continuity across cells, masks and the wrap at half a turn.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -38,12 +38,12 @@ class Random {
 struct RandomTable {
   Bytes image;
   std::int32_t magnitude;  // of joint 0, 2^-32 turn
-  std::int32_t rate;       // the same a second
+  std::int32_t rate;       // of joint 0, 2^-32 turn per second
   double steepest = 0.0;   // largest slope of all its terms on a motor, rad/rad
 };
 
-// Constants on motors and links, harmonics, and tables with holes; limits at random, also tight
-// ones.
+// Random constants on motors and links, harmonics, and tables with uncovered nodes; random limits,
+// some of them tight.
 RandomTable random_table(Random& random, bool with_links) {
   TestImage made(kJoints);
   RandomTable result;
@@ -82,7 +82,7 @@ RandomTable random_table(Random& random, bool with_links) {
 
 class PropertyTest : public ::testing::TestWithParam<unsigned> {};
 
-TEST_P(PropertyTest, WhateverIsAskedForTheOutputKeepsWithinItsLimits) {
+TEST_P(PropertyTest, Output_UnderRandomRequests_StaysWithinLimits) {
   Random random(GetParam());
   const std::uint32_t cycle_us = random.once_in(2) ? 1000 : 4000;
   Compensator compensator({.joint_count = kJoints, .cycle_us = cycle_us});
@@ -117,12 +117,12 @@ TEST_P(PropertyTest, WhateverIsAskedForTheOutputKeepsWithinItsLimits) {
     input.payload_g = random.integer(-1000, 100000);
     const CycleOutput output = compensator.cycle(input);
 
-    // The larger of both tables' limits while one is being exchanged for the other.
+    // While one table replaces the other, the larger of their limits applies.
     const auto of_both = [&tables](auto member) {
       return static_cast<double>(std::max(tables[0].*member, tables[1].*member));
     };
     const double largest = of_both(&RandomTable::magnitude) / 256.0 + 2.0;
-    // A way to zero takes kFadeCycles at most, even where the permitted rate would take longer.
+    // A fade to zero takes kFadeCycles at most, even if the permitted rate would take longer.
     const double fade = std::max(largest, 1.0) / Compensator::kFadeCycles;
     const double permitted = of_both(&RandomTable::rate) / 256.0 * cycle_us * 1e-6;
     const double step = (active == nullptr ? std::max(permitted, fade) : permitted) + 3.0;
@@ -135,7 +135,7 @@ TEST_P(PropertyTest, WhateverIsAskedForTheOutputKeepsWithinItsLimits) {
         ASSERT_EQ(output.delta[k], 0);
       }
     }
-    // 100 ms of blending, longer only where a tight rate holds it back.
+    // Blending takes 100 ms, longer only if a tight rate limits it.
     const bool is_off =
         active == nullptr && ++since_disabled > 1 + static_cast<int>(110000 / cycle_us);
     if (is_off && tables[0].rate == kMaxRateRevolute && tables[1].rate == kMaxRateRevolute) {
@@ -173,7 +173,7 @@ TEST_P(PropertyTest, TheCorrectionIsContinuousAcrossCellsMasksAndHalfATurn) {
   }
 }
 
-TEST_P(PropertyTest, HarmonicsDoNotSeeWholeTurns) {
+TEST_P(PropertyTest, Harmonics_RepeatAfterAWholeTurn) {
   Random random(GetParam() + 2000);
   Compensator compensator({.joint_count = kJoints});
   TestImage made(kJoints);

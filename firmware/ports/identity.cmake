@@ -1,4 +1,5 @@
-# Who the device is and whom it trusts: fixed when the image is built, so that nobody on the bus can change it.
+# Identity of the device and the key that it trusts. Fixed when the image is built, so that no node on the bus can
+# change them.
 set(ARMTRUE_ROBOT_SERIAL "" CACHE STRING "take only tables for this robot (at most 24 characters; empty: any)")
 set(ARMTRUE_PUBLIC_KEY "" CACHE STRING "Ed25519 public key, 64 hexadecimal digits: take only tables that it verifies (empty: any)")
 set(ARMTRUE_NODE_ID 32 CACHE STRING "CANopen node-ID, 1 to 127")

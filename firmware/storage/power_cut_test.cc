@@ -1,6 +1,6 @@
-// Power is cut, or an operation fails, at every flash operation of every life a table can have;
-// after each restart the active table must be one that the interrupted program allowed, whole, and
-// the same at every later restart.
+// Cuts power, or lets an operation fail, at every flash operation of the programs and histories
+// below. After each restart the active table must be complete, one that the interrupted program
+// allowed, and the same at every later restart.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ enum class Step : std::uint8_t { kCommit, kActivate, kConfirm, kRevert };
 
 using Script = std::vector<Step>;
 
-// Which of them is active: 0 stands for none (pass-through), n for make_image(n).
+// Identifies the active image: 0 stands for none (pass-through), n for make_image(n).
 using Name = std::uint8_t;
 constexpr Name kMixed = 255;
 
@@ -34,8 +34,8 @@ class Device {
 
   SimulatedFlash& flash() { return *flash_; }
 
-  // A power-on that runs `script` for the image `name`. Returns false where power was cut on the
-  // way. Afterwards `allowed_` holds what may be active at the next start.
+  // A power-on that runs `script` for the image `name`. Returns false if power was cut meanwhile.
+  // Afterwards `allowed_` holds the images that may be active at the next start.
   bool run(const Script& script, Name name) {
     try {
       SlotStore store(*flash_, verifier_);
@@ -61,7 +61,7 @@ class Device {
     EXPECT_EQ(allowed_.size(), 1u);
   }
 
-  // Whatever happened, the next upload succeeds.
+  // The next upload succeeds, whatever happened before.
   void expect_usable(Name name) {
     flash_->run_undisturbed();
     run({Step::kCommit, Step::kActivate, Step::kConfirm}, name);
@@ -189,7 +189,7 @@ TEST(PowerCut, AtEveryOperationOfTheLargestTable) {
   const Device before = prepared(history, kLargest, 7);
   std::size_t cases = 0;
   for (std::size_t at = 0; at < operations; ++at) {
-    // The neighbouring kinds fall on neighbouring operations; the small images have every
+    // One kind of cut per operation, in turn. The small images above are tested with every
     // combination.
     Device device = prepared(history, kLargest, static_cast<std::uint32_t>(at));
     device.flash().cut_at(at, kAllCutKinds[at % kAllCutKinds.size()]);
@@ -258,8 +258,8 @@ TEST(PowerCut, AfterAnOperationThatFailed) {
   report("failed operations followed by a power cut", cases);
 }
 
-// What the campaign rests on: an image of two halves is not accepted.
-TEST(PowerCut, AMixedImageWouldBeNoticed) {
+// The tests above rely on this: an image made of halves of two tables is not accepted.
+TEST(PowerCut, MixedImage_IsRefusedByTheVerifier) {
   TestVerifier verifier;
   Image mixed = make_image(1, 40);
   const Image other = make_image(2, 40);

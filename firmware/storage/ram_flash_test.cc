@@ -27,7 +27,7 @@ TEST(RamFlash, KeepsTablesAcrossRestarts) {
   }
 }
 
-TEST(RamFlash, MemoryThatNobodyWroteIsBlankAndOtherMemoryIsKept) {
+TEST(RamFlash, Start_BlanksAnAllZeroSlot_KeepsOthers) {
   std::vector<std::uint8_t> memory(2048);
   memory[1024] = 7;
   RamFlash flash(memory);
@@ -38,7 +38,7 @@ TEST(RamFlash, MemoryThatNobodyWroteIsBlankAndOtherMemoryIsKept) {
   EXPECT_EQ(memory[1025], 0);
 }
 
-TEST(RamFlash, RefusesWhatIsNotAWordOfTheSlot) {
+TEST(RamFlash, Program_OutsideTheSlotOrUnaligned_IsRefused) {
   std::vector<std::uint8_t> memory(128);
   RamFlash flash(memory);
   EXPECT_EQ(flash.slot_size(), 64U);

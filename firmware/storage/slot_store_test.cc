@@ -55,7 +55,7 @@ TEST_F(SlotStoreTest, ConfirmedTableSurvivesRestart) {
   EXPECT_EQ(state(*store_->status().active), SlotState::kConfirmed);
 }
 
-TEST_F(SlotStoreTest, TablesAlternateBetweenSlotsAndTheOlderOneIsTheFallback) {
+TEST_F(SlotStoreTest, Tables_AlternateSlots_OlderOneIsTheFallback) {
   restart();
   for (std::uint8_t name = 1; name <= 5; ++name) {
     install(make_image(name, 200));
@@ -116,7 +116,7 @@ TEST_F(SlotStoreTest, RevertDropsAPendingTable) {
   EXPECT_EQ(store_->activate(buffer_, active), StoreResult::kNothingPending);
 }
 
-TEST_F(SlotStoreTest, ALaterCommitReplacesWhatIsPending) {
+TEST_F(SlotStoreTest, LaterCommit_ReplacesThePendingTable) {
   restart();
   ASSERT_EQ(store_->commit(make_image(1, 80)), StoreResult::kDone);
   ASSERT_EQ(store_->commit(make_image(2, 80)), StoreResult::kDone);
@@ -125,7 +125,7 @@ TEST_F(SlotStoreTest, ALaterCommitReplacesWhatIsPending) {
   EXPECT_TRUE(std::ranges::equal(active, make_image(2, 80)));
 }
 
-TEST_F(SlotStoreTest, NoCommitWhileATrialRuns) {
+TEST_F(SlotStoreTest, Commit_DuringATrial_IsRefused) {
   restart();
   ASSERT_EQ(store_->commit(make_image(1, 80)), StoreResult::kDone);
   std::span<const std::uint8_t> active;
@@ -180,7 +180,7 @@ TEST_F(SlotStoreTest, NoWordIsProgrammedTwiceBetweenErases) {
   EXPECT_EQ(flash_.reprogrammed(), 0u);
 }
 
-TEST_F(SlotStoreTest, RottenNewest_IsLostAndTheOlderOneIsActive) {
+TEST_F(SlotStoreTest, DamagedNewestTable_IsReported_OlderOneIsActive) {
   restart();
   install(make_image(1, 80));
   install(make_image(2, 80));
@@ -194,7 +194,7 @@ TEST_F(SlotStoreTest, RottenNewest_IsLostAndTheOlderOneIsActive) {
   EXPECT_FALSE(store_->has_lost_newest());
 }
 
-TEST_F(SlotStoreTest, RottenOnlyImage_IsLost) {
+TEST_F(SlotStoreTest, DamagedOnlyTable_IsReported_NoneIsActive) {
   restart();
   install(make_image(1, 80));
   flash_.word(*store_->status().active, kHeaderWords + 3) ^= 0x100;
@@ -202,7 +202,7 @@ TEST_F(SlotStoreTest, RottenOnlyImage_IsLost) {
   EXPECT_TRUE(store_->has_lost_newest());
 }
 
-TEST_F(SlotStoreTest, RottenOlderImage_IsNotMissed) {
+TEST_F(SlotStoreTest, DamagedOlderTable_IsNotReported) {
   restart();
   install(make_image(1, 80));
   install(make_image(2, 80));
@@ -211,7 +211,7 @@ TEST_F(SlotStoreTest, RottenOlderImage_IsNotMissed) {
   EXPECT_FALSE(store_->has_lost_newest());
 }
 
-TEST_F(SlotStoreTest, PowerCutInACommit_LosesNothing) {
+TEST_F(SlotStoreTest, PowerCutDuringCommit_KeepsTheActiveTable) {
   for (const CutKind kind : kAllCutKinds) {
     for (std::size_t at = 0;; ++at) {
       flash_ = SimulatedFlash(kSlotSize, static_cast<std::uint32_t>(at));
@@ -233,7 +233,7 @@ TEST_F(SlotStoreTest, PowerCutInACommit_LosesNothing) {
   }
 }
 
-TEST_F(SlotStoreTest, ContentOfAnotherOriginIsForeign) {
+TEST_F(SlotStoreTest, ContentNotWrittenByAStore_IsForeign) {
   for (std::size_t i = 0; i < kSlotSize / 4; ++i) flash_.word(1, i) = 0x12345678;
   EXPECT_TRUE(restart().empty());
   EXPECT_EQ(state(1), SlotState::kForeign);
@@ -243,7 +243,7 @@ TEST_F(SlotStoreTest, ContentOfAnotherOriginIsForeign) {
   EXPECT_EQ(restart(), make_image(2, 80));
 }
 
-TEST_F(SlotStoreTest, TablesThatNoLongerVerifyAreToldApart) {
+TEST_F(SlotStoreTest, TableThatNoLongerVerifies_StateGivesTheReason) {
   const struct {
     TableVerdict verdict;
     SlotState state;
@@ -251,8 +251,8 @@ TEST_F(SlotStoreTest, TablesThatNoLongerVerifyAreToldApart) {
                {TableVerdict::kNewer, SlotState::kNewer},
                {TableVerdict::kRefused, SlotState::kRefused}};
   for (const auto& [verdict, expected] : cases) {
-    // A verifier that takes everything stands for the firmware (or key, or serial) that the slot
-    // was written under.
+    // A verifier that accepts everything stands for the firmware (or key, or serial) with which the
+    // slot was written.
     struct : TableVerifier {
       TableVerdict verify(std::span<const std::uint8_t>) const override {
         return TableVerdict::kAccepted;
@@ -272,7 +272,7 @@ TEST_F(SlotStoreTest, TablesThatNoLongerVerifyAreToldApart) {
   }
 }
 
-TEST_F(SlotStoreTest, NewerLayoutIsLeftAloneWhileThereIsAnotherSlot) {
+TEST_F(SlotStoreTest, SlotOfNewerLayout_IsKept_OtherSlotIsUsed) {
   HeaderWords words;
   words.fill(kBlankWord);
   words[kErasedAt] = kErasedMark;
@@ -293,7 +293,7 @@ TEST_F(SlotStoreTest, NewerLayoutIsLeftAloneWhileThereIsAnotherSlot) {
   EXPECT_EQ(store_->status().slot[1].sequence, 8u);
 }
 
-TEST_F(SlotStoreTest, InterruptedUploadIsTornAndReplacedByTheNext) {
+TEST_F(SlotStoreTest, InterruptedUpload_IsTorn_NextOneReplacesIt) {
   restart();
   install(make_image(1, 80));
   flash_.cut_at(10, CutKind::kAfter);
@@ -306,7 +306,7 @@ TEST_F(SlotStoreTest, InterruptedUploadIsTornAndReplacedByTheNext) {
   EXPECT_EQ(state(spare), SlotState::kPending);
 }
 
-TEST_F(SlotStoreTest, EveryHeaderBitThatRotsLeavesTheFallback) {
+TEST_F(SlotStoreTest, DamagedHeaderBit_FallsBackToTheOlderTable) {
   restart();
   const Image old_table = make_image(1, 40);
   const Image new_table = make_image(2, 40);
@@ -323,7 +323,7 @@ TEST_F(SlotStoreTest, EveryHeaderBitThatRotsLeavesTheFallback) {
   ASSERT_EQ(restart(), new_table);
 }
 
-TEST_F(SlotStoreTest, ACommitThatFailsIsReportedAndHarmless) {
+TEST_F(SlotStoreTest, FailedCommit_IsReported_OldTableStays) {
   for (const auto& [step, result] :
        {std::pair{0, StoreResult::kEraseFailed}, std::pair{8, StoreResult::kProgramFailed}}) {
     flash_ = SimulatedFlash(kSlotSize, 1);
@@ -339,16 +339,16 @@ TEST_F(SlotStoreTest, ACommitThatFailsIsReportedAndHarmless) {
   }
 }
 
-TEST_F(SlotStoreTest, WhatAnEarlierFirmwareWrote_IsFoundByThisOne) {
+TEST_F(SlotStoreTest, Header_IsWrittenAsByEarlierFirmware) {
   restart();
   install(make_image(1, 80));
   Image header(kHeaderBytes);
   flash_.read(0, 0, header);
-  // Changes with the layout's version alone: a table outlives an update of the firmware.
+  // Changes only with the layout's version: a table outlives an update of the firmware.
   EXPECT_EQ(crc32(header), 0xDDEB3957U) << std::hex << crc32(header);
 }
 
-TEST_F(SlotStoreTest, EveryMarkIsWrittenTwice) {
+TEST_F(SlotStoreTest, ConfirmMark_IsWrittenTwice) {
   restart();
   ASSERT_EQ(store_->commit(make_image(1, 80)), StoreResult::kDone);
   std::span<const std::uint8_t> active;
@@ -358,7 +358,7 @@ TEST_F(SlotStoreTest, EveryMarkIsWrittenTwice) {
   EXPECT_EQ(flash_.operations() - before, 2U);
 }
 
-TEST_F(SlotStoreTest, AFirstCommitThatFails_LeavesNothingThatWasLost) {
+TEST_F(SlotStoreTest, FailedFirstCommit_IsTorn_NotReportedAsLost) {
   for (const auto& [step, result] :
        {std::pair{0, StoreResult::kEraseFailed}, std::pair{8, StoreResult::kProgramFailed}}) {
     flash_ = SimulatedFlash(kSlotSize, 1);

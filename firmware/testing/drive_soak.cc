@@ -15,10 +15,10 @@ namespace {
 
 constexpr std::int32_t kPermitted = 400;  // increments
 constexpr double kTurn = 1 << 20;
-constexpr std::size_t kTurning = 5;           // the axis that turns for ever
+constexpr std::size_t kTurning = 5;           // the axis that turns without end
 constexpr double kRate = 0.1 * kTurn * 1e-6;  // increments a microsecond
 constexpr double kCycleUs = 1000.0;
-constexpr double kSaved = kCycleUs * kRate;  // no more is earned than one cycle's
+constexpr double kSaved = kCycleUs * kRate;  // at most one cycle's change is saved up
 constexpr double kSlack = 3.0;               // rounding of both ends
 constexpr std::uint64_t kSettles = 400;      // cycles: rest in offset mode, a blend, a fade
 constexpr int kFault = 0x0218;
@@ -30,7 +30,7 @@ std::int32_t within_turn(std::int64_t position) {
   const std::int64_t turn = static_cast<std::int64_t>(kTurn);
   return static_cast<std::int32_t>((position % turn + turn) % turn);
 }
-// The short way, on the axis that turns for ever.
+// The shortest way, on the axis that turns without end.
 std::int32_t way(std::size_t axis, std::int64_t difference) {
   if (axis != kTurning) return static_cast<std::int32_t>(difference);
   const std::int64_t half = static_cast<std::int64_t>(kTurn) / 2;
@@ -65,7 +65,7 @@ void DriveSoak::configure() {
   };
   write(0x607B + 0x800 * kTurning, 1, 0, 4);
   write(0x607B + 0x800 * kTurning, 2, static_cast<std::uint32_t>(kTurn) - 1, 4);
-  // RPDO 12 to 15, 17 and 18 hear states and modes.
+  // RPDO 12 to 15, 17 and 18 receive statuswords and modes.
   constexpr std::uint32_t kHears[] = {11, 12, 13, 14, 16, 17};
   for (std::uint32_t k = 0; k < 6; ++k) {
     const std::uint32_t number = kHears[k];
@@ -124,7 +124,7 @@ void DriveSoak::carry_out(DriveEvent event) {
     case DriveEvent::kHandGuided:
       return away(kOperationEnabled, kTorque, Drive::kMovesItself, true);
     case DriveEvent::kOtherMode:
-      // As docs/protocol.md says: inline, disable in a stream first, for nothing is sent at rest.
+      // As docs/protocol.md says: inline, disable while targets come; at rest nothing is sent.
       bench_.write(0x2000, 2, 0, 1);
       for (int k = 0; k < 200 && !offset_; ++k) cycle(true);
       idle(600);
@@ -178,7 +178,7 @@ void DriveSoak::carry_out(DriveEvent event) {
   come_back(false);
 }
 
-// One axis does not follow for a while. The controller stands still and commands what it sees.
+// One axis does not follow for a while. Its target is its actual position; the others stand still.
 void DriveSoak::away(int statusword, int mode, Drive drive, bool stream) {
   const std::size_t axis = random_() % 6;
   drive_[axis] = drive;
@@ -193,7 +193,7 @@ void DriveSoak::away(int statusword, int mode, Drive drive, bool stream) {
   const std::uint32_t phase = bench_.read(0x2005, 3);
   require(phase == static_cast<std::uint32_t>(Phase::kSuspended), "not suspended");
   for (std::size_t k = 0; k < 6; ++k) {
-    // Inline, drives that follow and get nothing hold what they have.
+    // Inline, the other drives get no output without a stream and keep their corrections.
     if (!offset_ && !stream && k != axis) continue;
     require(bench_.read(static_cast<std::uint16_t>(0x60B0 + 0x800 * k), 0) == 0,
             "suspended with a correction on joint " + std::to_string(k + 1));
@@ -201,12 +201,12 @@ void DriveSoak::away(int statusword, int mode, Drive drive, bool stream) {
   ++figures_.suspended;
   drive_[axis] = Drive::kFollows;
   drive_says(axis, kOperationEnabled, kCyclic);
-  // A controller begins where it is told that the arm stands.
+  // The controller starts from the actual positions that it received.
   for (std::size_t k = 0; k < 6; ++k) target_[k] = seen_[k];
   come_back(true);
 }
 
-// Nothing is wrong any more: in a while the correction is whole.
+// The event is over: within kSettles cycles the correction is complete.
 void DriveSoak::come_back(bool was_suspended) {
   for (std::uint64_t k = 0; k < kSettles && failure_.empty(); ++k) cycle(true);
   settled_ = 1;
@@ -248,7 +248,7 @@ void DriveSoak::idle(std::uint64_t milliseconds) {
   for (std::uint64_t k = 0; k < milliseconds && failure_.empty(); ++k) cycle(false);
 }
 
-// A millisecond. `lost`: which of the three frames does not come.
+// One cycle of 1 ms. `lost`: which of the three target frames is not sent (3: none).
 void DriveSoak::cycle(bool targets, std::uint32_t lost) {
   ++figures_.cycles;
   bench_.now_us += 1000;
@@ -256,7 +256,7 @@ void DriveSoak::cycle(bool targets, std::uint32_t lost) {
   if (targets) bench_.from_controller(make_frame(0x80, {}));
   take_output();
   feed_back();
-  if (offset_) take_output();  // what left meanwhile
+  if (offset_) take_output();  // sent meanwhile
   if (!targets) return;
   const auto frames = NodeBench::targets(target_);
   for (std::uint32_t k = 0; k < 3; ++k) {
@@ -309,8 +309,8 @@ void DriveSoak::judge_output(std::size_t axis, std::int32_t delta) {
   if ((known_ >> axis & 1U) != 0) {
     const auto elapsed = static_cast<double>(bench_.now_us - judged_us_[axis]);
     credit_[axis] = std::min(credit_[axis] + elapsed * kRate, kSaved);
-    // A controller goes on from where it is told that the arm stands: inline, a drive makes a step
-    // of ours where more is put on its target than is taken off its actual position.
+    // A controller continues from the actual positions that it received. Inline, a drive's step is
+    // therefore the correction added to its target minus the one taken off its actual position.
     const std::int32_t from = offset_ ? delta_[axis] : taken_off_[axis];
     const double change = std::abs(static_cast<double>(delta) - from);
     figures_.largest_output_step =
@@ -350,8 +350,8 @@ void DriveSoak::feed_back() {
       const auto elapsed = static_cast<double>(bench_.now_us - fed_back_us_[k]);
       seen_credit_[k] = std::min(seen_credit_[k] + elapsed * kRate, kSaved);
       const double change = std::abs(static_cast<double>(off) - taken_off_[k]);
-      // Until the first set of a life an actual position comes as it is: that is not a step of
-      // ours.
+      // Before the first set after a start, actual positions are passed on unchanged: that is no
+      // step of the correction.
       if ((seen_known_ >> k & 1U) != 0 && known_ == 0x3F) {
         figures_.largest_feedback_step =
             std::max(figures_.largest_feedback_step, change / (kCycleUs * kRate));

@@ -1,5 +1,5 @@
-// Ideal drives behind a node, for tests: they take what comes out, targets or offsets, and keep a
-// position offset until they get another.
+// Ideal drives behind a node, for tests: they follow the targets or offsets that it sends, and keep
+// a position offset until they get another.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -17,10 +17,10 @@ namespace armtrue::canopen {
 
 using Joints = std::array<std::int32_t, 6>;
 
-inline constexpr std::uint32_t kSetsWithheld = 0xFF15;  // an emergency's code
+inline constexpr std::uint32_t kSetsWithheld = 0xFF15;  // emergency code
 inline constexpr std::uint32_t kUnknownBit = 1U << 4;   // of 0x2001 sub 2
 inline constexpr std::int32_t kPermitted = 400;  // increments: the table's largest correction
-// Blending over 20 ms from one end of what is permitted to the other.
+// Step per cycle of a 20 ms blend from one limit of the table to the other.
 inline constexpr std::int32_t kBlendStep = 2 * kPermitted / 20 + 2;
 
 // The test table's largest corrections, where no joint is close to the top of its sine.
@@ -38,7 +38,7 @@ inline std::int32_t farthest(const Joints& one, const Joints& other) {
   return most;
 }
 
-// What a suite of both modes calls its instances.
+// Instance names of a suite that runs in both modes.
 inline std::string mode_name(const ::testing::TestParamInfo<Mode>& mode) {
   return mode.param == Mode::kInline ? "Inline" : "Offset";
 }
@@ -58,7 +58,7 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
   void nmt(int command) { bench.nmt(command); }
   NmtState state() { return bench.node().nmt_state(); }
 
-  // Time passes, nothing comes; the largest step that a drive made in a turn of the loop.
+  // Lets time pass without frames. Returns the largest step of a drive in a turn of the loop.
   std::int32_t wait(int milliseconds) {
     std::int32_t most = 0;
     take_output();
@@ -73,7 +73,7 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
     return most;
   }
 
-  // What came out: targets or offsets. The drives take it.
+  // The drives take the output of the node, targets or offsets.
   void take_output() {
     outputs = 0;
     auto& port = offset_ ? bench.upstream : bench.downstream;
@@ -95,7 +95,7 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
     }
   }
 
-  // SYNC, actual positions, new targets. What the controller sees of its joints is in `seen`.
+  // SYNC, actual positions, new targets. The controller reads its actual positions from `seen`.
   void cycle(const Joints& joints) {
     bench.next_sync();
     take_output();
@@ -107,7 +107,7 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
     outputs += before;
   }
 
-  // RPDO 15 hears the offset that the drive of joint 1 says it has.
+  // RPDO 15 receives the offset that the drive of joint 1 reports.
   void map_offset_of_joint_1() {
     ASSERT_EQ(bench.write(0x160E, 0, 0, 1), 0U);
     ASSERT_EQ(bench.write(0x160E, 1, 0x20070120, 4), 0U);
@@ -144,7 +144,7 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
     }
   }
 
-  // Cycles at one place; the largest step that a drive made.
+  // Runs cycles with constant targets. Returns the largest step of a drive.
   std::int32_t rest(const Joints& joints, int cycles) {
     std::int32_t most = 0;
     for (int k = 0; k < cycles; ++k) {
@@ -195,7 +195,7 @@ class DrivesTest : public ::testing::TestWithParam<Mode> {
   std::int32_t following_error = 0;
   std::uint64_t turn_us = 1000;
   std::int32_t outputs = 0;  // frames in the last cycle
-  std::vector<int> states;   // heartbeats and boot-ups, as they came
+  std::vector<int> states;   // heartbeats and boot-ups, in order
 };
 
 }  // namespace armtrue::canopen

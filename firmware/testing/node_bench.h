@@ -1,4 +1,4 @@
-// A whole node on two simulated buses and simulated flash, with a clock that the test turns.
+// A whole node on two simulated buses and simulated flash, with a clock that the test sets.
 #ifndef ARMTRUE_FIRMWARE_TESTING_NODE_BENCH_H_
 #define ARMTRUE_FIRMWARE_TESTING_NODE_BENCH_H_
 
@@ -17,8 +17,8 @@
 
 namespace armtrue::canopen {
 
-// What a client writes to 1010h and 1011h (CiA 301, 7.5.2.13 f.), and what it is answered where the
-// device's state forbids a request.
+// Signatures that a client writes to 1010h and 1011h (CiA 301, 7.5.2.13 f.), and the abort code of
+// a request that the device's state forbids.
 inline constexpr std::uint32_t kSave = 0x65766173;  // "save"
 inline constexpr std::uint32_t kLoad = 0x64616F6C;  // "load"
 inline constexpr std::uint32_t kDeviceState = static_cast<std::uint32_t>(Abort::kDeviceState);
@@ -26,7 +26,7 @@ inline constexpr std::uint32_t kDeviceState = static_cast<std::uint32_t>(Abort::
 inline constexpr int kOperationEnabled = 0x0237;
 inline constexpr int kSwitchOnDisabled = 0x0250;
 
-// 0x1010's block in RAM; forgets nothing at a restart.
+// The parameter block of 0x1010 in RAM; kept over a restart.
 class MemoryParameters final : public ParameterStore {
  public:
   bool load(std::span<std::uint8_t> block) override {
@@ -35,7 +35,7 @@ class MemoryParameters final : public ParameterStore {
     return true;
   }
   bool holds_something() const override { return !block_.empty(); }
-  // A bit of what was saved flips.
+  // Flips a bit of the saved block.
   void spoil(std::size_t at) { block_.at(at) ^= 1; }
   bool save(std::span<const std::uint8_t> block) override {
     if (broken) return false;
@@ -48,7 +48,7 @@ class MemoryParameters final : public ParameterStore {
     return !broken;
   }
   bool broken = false;
-  std::function<void()> meanwhile;  // what happens during a save
+  std::function<void()> meanwhile;  // called during a save
 
  private:
   std::vector<std::uint8_t> block_;
@@ -58,7 +58,7 @@ class NodeBench {
  public:
   static constexpr std::uint8_t kNodeId = 0x20;
 
-  // `content`: what the flash holds at first; blank without.
+  // `content`: the initial content of the flash; without it the flash is blank.
   explicit NodeBench(bool two_buses = true, bool fd = false, const DeviceIdentity& identity = {},
                      std::size_t slot_size = kMaxImageLength + storage::kHeaderBytes,
                      const storage::SimulatedFlash* content = nullptr)
@@ -68,7 +68,7 @@ class NodeBench {
     power_on();
   }
 
-  // Everything in RAM is new; flash and parameters are as they were.
+  // Restarts the node with new RAM; flash and parameters are kept.
   void power_on() {
     ++lives;
     upstream.recover();  // a reset puts the controllers back on the bus
@@ -94,8 +94,8 @@ class NodeBench {
     }
   }
 
-  // What leaves upstream by turns at the present time until nothing does: a block upload sends a
-  // few segments a turn.
+  // Turns the loop at the present time until nothing more is sent upstream, and returns all that
+  // was: a block upload sends a few segments per turn.
   std::vector<CanFrame> all_sent() {
     std::vector<CanFrame> all;
     for (std::vector<CanFrame> frames = upstream.take_sent(); !frames.empty();
@@ -134,7 +134,7 @@ class NodeBench {
     return answer;
   }
 
-  // Expedited download; the abort code, 0 for success.
+  // Expedited download. Returns the abort code, 0 for success.
   std::uint32_t write(std::uint16_t index, std::uint8_t sub, std::uint32_t value, int size) {
     const int command = 0x23 | (4 - size) << 2;
     const auto answer = ask({command, index & 0xFF, index >> 8, sub, static_cast<int>(value & 0xFF),
@@ -152,7 +152,7 @@ class NodeBench {
     return unused == 0 ? value : value & (0xFFFFFFFFU >> (8 * unused));
   }
 
-  // Segmented download into the staging object; the abort code, 0 for success.
+  // Segmented download into the staging object. Returns the abort code, 0 for success.
   std::uint32_t stage(std::span<const std::uint8_t> image) {
     const auto size = static_cast<std::uint32_t>(image.size());
     auto answer = ask({0x21, 0x10, 0x20, 0, static_cast<int>(size & 0xFF),
@@ -190,14 +190,14 @@ class NodeBench {
     require(TableCommand::kConfirm);
   }
 
-  // Two offsets to a frame, TPDO1 to TPDO3 on 0x1A0, 0x2A0, 0x3A0.
+  // Configures two offsets per frame, TPDO1 to TPDO3 on 0x1A0, 0x2A0, 0x3A0.
   void send_offsets() {
     for (std::uint32_t k = 0; k < 3; ++k) {
       expect_done(write(static_cast<std::uint16_t>(0x1800 + k), 1, 0x400001A0U + 0x100U * k, 4));
     }
   }
-  // Two targets to a frame, RPDO1 to RPDO3 on 0x220, 0x320, 0x420, in offset mode the offsets as
-  // above: configured and operational.
+  // Configures two targets per frame, RPDO1 to RPDO3 on 0x220, 0x320, 0x420, in offset mode also
+  // the offsets as above, and starts the node.
   void configure(Mode mode) {
     for (int k = 0; k < 3; ++k) {
       expect_done(write(static_cast<std::uint16_t>(0x1400 + k), 1,
@@ -213,12 +213,12 @@ class NodeBench {
   // An NMT command.
   void nmt(int command, int node = kNodeId) { from_controller(make_frame(0, {command, node})); }
   void sync() { from_controller(make_frame(0x80, {})); }
-  // The same a millisecond later.
+  // SYNC a millisecond later.
   void next_sync() {
     now_us += 1000;
     sync();
   }
-  // Transmission type of three PDOs from this communication record on; 1: they go with each SYNC.
+  // Transmission type of three PDOs from this communication record on; 1: with each SYNC.
   void set_transmission(std::uint16_t record, std::uint32_t type = 1) {
     for (std::uint16_t k = 0; k < 3; ++k) {
       expect_done(write(static_cast<std::uint16_t>(record + k), 2, type, 1));
@@ -248,13 +248,13 @@ class NodeBench {
     for (const CanFrame& frame : targets(joint)) from_controller(frame);
   }
 
-  // The clock that the node measures cycles with; every reading takes `clock_step_us`. All benches
-  // have this one, and all are of one thread.
+  // The clock with which the node measures cycles; every reading advances it by `clock_step_us`.
+  // All benches share it, and all run in one thread.
   static inline std::uint64_t clock_now_us = 0;
   static inline std::uint64_t clock_step_us = 0;
   static std::uint64_t clock() { return clock_now_us += clock_step_us; }
 
-  // A bit flips in RAM, in both table buffers.
+  // Flips a bit in both table buffers in RAM.
   void spoil_tables(std::size_t at) {
     life_->first[at] ^= 1;
     life_->second[at] ^= 1;

@@ -22,7 +22,7 @@ enum class Transfer : std::uint8_t {
 inline constexpr Transfer kTransfers[] = {Transfer::kSegmentedDownload, Transfer::kSegmentedUpload,
                                           Transfer::kBlockDownload, Transfer::kBlockUpload};
 
-// Bytes that no other size has in the same places.
+// Test data; other sizes have other bytes at the same places.
 inline std::vector<std::uint8_t> sdo_pattern(std::size_t size) {
   std::vector<std::uint8_t> bytes(size);
   for (std::size_t k = 0; k < size; ++k) bytes[k] = static_cast<std::uint8_t>(k * 31 + size);
@@ -135,7 +135,7 @@ class SdoPeer {
     return data;
   }
 
-  // `size` bytes there and back, segmented and in blocks.
+  // Downloads and uploads `size` bytes, segmented and in blocks, and compares them.
   void transfer_every_way(std::size_t size) {
     const std::vector<std::uint8_t> data = sdo_pattern(size);
     expect(bench_.stage(data) == 0 && upload_block() == data);

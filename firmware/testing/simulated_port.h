@@ -12,7 +12,7 @@
 
 namespace armtrue::canopen {
 
-// What a controller does with its queues full or the bus off, without the controller.
+// Behaves as a controller does with full queues or bus-off, without hardware.
 class SimulatedPort final : public CanPort {
  public:
   // `room`: frames that fit into the transmit queue before send() refuses.
@@ -38,7 +38,7 @@ class SimulatedPort final : public CanPort {
     return true;
   }
 
-  // Of a queue that ends somewhere the first places are the controller's own.
+  // In a queue of limited length, the first places stand for the controller's mailboxes.
   bool has_backlog() override { return room_ != SIZE_MAX && sent_.size() > kMailboxes; }
 
   std::uint8_t longest_burst() const override { return longest_burst_; }
@@ -55,14 +55,14 @@ class SimulatedPort final : public CanPort {
   BusCounters counters() const override { return counters_; }
   bool supports_fd() const override { return fd_; }
 
-  // The bus's side.
+  // The side of the bus.
   void deliver(const CanFrame& frame) { arrived_.push_back(frame); }
   std::vector<CanFrame> take_sent() {
     std::vector<CanFrame> frames(sent_.begin(), sent_.end());
     sent_.clear();
     return frames;
   }
-  // The bus takes the oldest frame. False where there is none.
+  // The bus takes the oldest frame. Returns false if there is none.
   bool take_one(CanFrame& frame) {
     if (sent_.empty()) return false;
     frame = sent_.front();

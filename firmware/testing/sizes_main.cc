@@ -1,5 +1,5 @@
 // canopen_sizes [LAST]: transfers of every size from one byte to the largest table, segmented and
-// in blocks, there and back. Exit status 1 at the first that is not as it was sent.
+// in blocks, there and back. Exit status 1 at the first that does not come back as it was sent.
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>

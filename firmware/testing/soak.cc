@@ -131,9 +131,9 @@ void Soak::one_cycle() {
     const auto targets = NodeBench::targets(targets_of(pose_));
     frames.assign(targets.begin(), targets.end());
   }
-  // A late frame that stands in for the lost one of the next cycle cannot be told from it: targets
-  // carry no number (docs/security.md). Nor can a stranger's frame in place of a missing one of
-  // ours; strangers come while nothing else is wrong.
+  // Targets carry no number (docs/security.md): a late frame cannot be told from a lost one of the
+  // next cycle that it replaces, nor a second master's frame from a missing one of ours. So the
+  // second master sends only while no other fault acts.
   const bool sync_is_odd = lost_sync || sync_at_us > 0;
   const bool second_master =
       cycle_ > disturbed_until_ && !sync_is_odd && draw(Fault::kSecondMaster);
@@ -152,7 +152,7 @@ void Soak::one_cycle() {
       disturbed(3);
     }
     if (draw(Fault::kCorruptedTarget)) {
-      // Arbitration begins anew: the frame comes after those that waited.
+      // Arbitration starts again: the frame follows those that waited.
       const CanFrame frame = frames[victim];
       frames.erase(frames.begin() + static_cast<std::ptrdiff_t>(victim));
       frames.push_back(frame);
@@ -204,9 +204,9 @@ void Soak::one_cycle() {
   if (second_master) {
     const auto theirs =
         NodeBench::targets({static_cast<std::int32_t>(kStrangerTarget), 1, 2, 3, 4, 5});
-    // Asynchronous targets leave with the last frame of the set: a stranger's frame ahead of ours
-    // would have stood for it (docs/security.md), so there strangers come behind us. A whole set of
-    // theirs is a set, where we are silent.
+    // Asynchronous targets are sent on with the last frame of the set. A second master's frame
+    // ahead of ours would count as ours (docs/security.md), so there its frames follow ours. While
+    // we are silent it sends none: a complete set of its frames would be a valid set.
     const std::size_t count = 1 + random_() % 3;
     if (!silent) {
       const std::size_t at = !synchronous_ ? frames.size() : random_() % (frames.size() + 1);
@@ -227,7 +227,7 @@ void Soak::one_cycle() {
                   other);
     expected_forward_.push_back(other);
   }
-  // Insertion shuffled the two kinds among each other; what is expected through is in frame order.
+  // Insertion mixed both kinds of frames; those expected to pass are in the order of `frames`.
   std::erase_if(expected_forward_, [](const CanFrame&) { return true; });
   for (const CanFrame& frame : frames) {
     if (!is_target(frame)) expected_forward_.push_back(frame);
@@ -245,7 +245,7 @@ void Soak::one_cycle() {
     at_us += 60;
   }
   if (sync_due) deliver(make_frame(0x80, {}));
-  // A real node looks at its clock all the time.
+  // A real node reads its clock continuously.
   for (; at_us < 990; at_us += 150) step_to(at_us);
   step_to(990);
   if (mode_ == Mode::kInline) {
@@ -285,7 +285,7 @@ void Soak::disturb() {
     bench_.power_on();
     needs_healing_at_ = for_some(5, 100);
     disturbed_until_ = std::max(disturbed_until_, needs_healing_at_ + 3);
-    // Some controllers notice, others go on.
+    // Some controllers notice and wait, others continue.
     if (random_() % 2 == 0) stand_still(needs_healing_at_ + 5 - cycle_);
   }
   if (draw(Fault::kStrayNmt)) {
@@ -308,7 +308,7 @@ void Soak::heal() {
     disturbed_until_ = std::max(disturbed_until_, cycle_ + 4);
     return;
   }
-  // A reset waits until the drives have their zeros; a controller starts the node that has booted.
+  // A reset waits until the corrections are zero; the controller starts the node after its boot-up.
   if (awaits_boot_ && bench_.node().nmt_state() == NmtState::kOperational) {
     disturbed_until_ = std::max(disturbed_until_, cycle_ + 4);
     return;
@@ -317,7 +317,7 @@ void Soak::heal() {
   needs_healing_at_ = 0;
   bench_.start_nodes();
   if (mode_ == Mode::kOffset) blends_from_ = bench_.node().joint_counters().steps;
-  // What the drives hold can only be heard of an arm that stands.
+  // The node can find out what the drives hold only while the arm stands.
   if (mode_ == Mode::kOffset) stand_still(kSettles);
 }
 
@@ -330,8 +330,7 @@ void Soak::stray_sdo() {
     frame.len = 8;
     for (std::uint8_t& byte : std::span(frame.data).first(8))
       byte = static_cast<std::uint8_t>(random_());
-    // Objects of every kind; those whose legal effect is to stop or change the output are left
-    // alone.
+    // Objects of every kind, except those whose legal effect is to stop or change the output.
     constexpr std::uint16_t kObjects[] = {0x1000, 0x1001, 0x1008, 0x1018, 0x1200, 0x1400,
                                           0x1600, 0x1A00, 0x2001, 0x2010, 0x2011, 0x2012,
                                           0x2013, 0x2014, 0x2020, 0x2030, 0x6041, 0x6064,

@@ -1,7 +1,7 @@
-// Hours of 1 kHz motion with everything at random that can go wrong on a bus, in process, as fast
-// as it runs. A judge who knows the table, every frame that was sent and what the drives hold looks
-// at every frame that comes out, through restarts and stops as well. Used by soak_test.cc (a
-// minute) and canopen_soak (./dev test: an hour).
+// Hours of 1 kHz motion with random bus faults, in process, as fast as it runs. The judge knows the
+// table, every frame that was sent and what the drives hold. It checks every frame that the node
+// sends, also through restarts and stops. Used by soak_test.cc (a minute) and canopen_soak
+// (./dev test: an hour).
 #ifndef ARMTRUE_FIRMWARE_TESTING_SOAK_H_
 #define ARMTRUE_FIRMWARE_TESTING_SOAK_H_
 
@@ -17,7 +17,7 @@
 
 namespace armtrue::canopen {
 
-// What can happen in a cycle. Each is drawn for itself, so they come together as well.
+// Faults that can happen in a cycle. Each is drawn independently, so several can coincide.
 enum class Fault : std::uint8_t {
   kLostTarget,        // one target frame never arrives
   kRepeatedTarget,    // one arrives twice, at once or a little later
@@ -32,7 +32,7 @@ enum class Fault : std::uint8_t {
   kJitteredSync,  // SYNC comes anywhere in the cycle
   kSecondMaster,  // another controller sends its own targets
   kStrayNmt,      // another master stops, starts or resets nodes
-  kStraySdo,      // SDO requests of every kind to the node, sane and insane, aborted at any step
+  kStraySdo,      // SDO requests of every kind to the node, valid or not, aborted at any step
   kFullBus,      // for some milliseconds other traffic fills the bus upstream and nearly all of the
                  // downstream queue
   kUpstreamOff,  // bus-off for some milliseconds
@@ -47,13 +47,13 @@ const char* name_of(Fault fault);
 
 struct SoakFigures {
   std::uint64_t cycles = 0;
-  std::uint64_t outputs = 0;           // cycles whose set came out whole
-  std::uint64_t partial = 0;           // sets cut short because the bus took no more
-  std::uint64_t feedback_checked = 0;  // actual positions that came back exactly as commanded
-  std::uint64_t forwarded = 0;         // other frames that came through bit-identical
+  std::uint64_t outputs = 0;           // cycles whose set was sent completely
+  std::uint64_t partial = 0;           // sets cut short because the bus accepted no more
+  std::uint64_t feedback_checked = 0;  // actual positions returned exactly as commanded
+  std::uint64_t forwarded = 0;         // other frames passed on bit-identical
   std::uint64_t emergencies = 0;
   std::array<std::uint64_t, kFaults> faults = {};
-  std::uint64_t longest_gap = 0;  // cycles without output although nothing was wrong any more
+  std::uint64_t longest_gap = 0;  // cycles without output after all faults had ended
 };
 
 class Soak {
@@ -62,10 +62,10 @@ class Soak {
   // `mode`: inline or offset.
   Soak(std::uint32_t seed, double rate, bool synchronous = false, Mode mode = Mode::kInline);
 
-  // Turns the correction off by SDO, for showing that the judge notices.
+  // Turns the correction off by SDO, for the test that the judge detects it.
   void disable_correction() { bench_.write(0x2000, 2, 0, 1); }
 
-  // Runs `cycles` milliseconds. Empty if nothing was wrong, else what was, with the cycle.
+  // Runs `cycles` milliseconds. Returns the first fault found and its cycle, empty for none.
   std::string run(std::uint64_t cycles);
 
   const SoakFigures& figures() const { return figures_; }
@@ -94,7 +94,7 @@ class Soak {
   void fail(const std::string& what);
   Joints unpack(const CanFrame& frame) const;
 
-  // Of one target identifier, what was last sent of a pose: output keeps all of it but the target.
+  // The target frame last sent with `id` for `pose`: the output changes nothing but its targets.
   const CanFrame& sent(std::uint64_t pose, std::uint32_t id) const {
     return sent_[pose % sent_.size()][id / 0x100 - 2];
   }
@@ -109,7 +109,7 @@ class Soak {
   std::deque<std::pair<std::uint64_t, Fault>> lately_;
 
   std::uint64_t cycle_ = 0;
-  // The controller's way: the same in every cycle in which it does not stand still.
+  // The controller's path: one pose further in every cycle in which it does not stand still.
   std::uint64_t pose_ = 1;
   std::uint64_t previous_pose_ = 1;
   std::uint64_t lagging_pose_ = 1;  // where drives that follow the controller are
@@ -121,22 +121,22 @@ class Soak {
   std::uint64_t last_output_cycle_ = 0;
   std::uint64_t last_output_pose_ = 0;
   bool has_output_ = false;
-  std::uint64_t life_ = 0;            // of the node, that of the last output
-  std::uint32_t blended_ = 0;         // evaluations in this life
-  std::uint32_t blends_from_ = 0;     // the one at which the output began
-  std::uint64_t evaluated_life_ = 0;  // the last one with an evaluation, and its pose
+  std::uint64_t life_ = 0;            // bench_.lives at the last output
+  std::uint32_t blended_ = 0;         // evaluations since the node started
+  std::uint32_t blends_from_ = 0;     // the evaluation at which the output began
+  std::uint64_t evaluated_life_ = 0;  // last life with an evaluation; its first pose
   std::uint64_t first_pose_ = 0;
-  std::uint64_t interruptions_ = 0;         // those until the controller stood for want of output
-  std::array<std::uint32_t, 6> seen_ = {};  // the same at each joint's last output
+  std::uint64_t interruptions_ = 0;         // before the controller last stood for lack of output
+  std::array<std::uint32_t, 6> seen_ = {};  // blended_ at each joint's last output
   std::uint32_t rate_clamped_ = 0;
   bool was_at_rate_limit_ = false;
-  bool whole_ = false;  // the last set came out whole
+  bool whole_ = false;  // the last set was sent completely
   bool awaits_boot_ = false;
   std::uint32_t refused_ = 0;
-  std::uint32_t refused_by_any_ = 0;  // frames, by either bus
+  std::uint32_t refused_by_any_ = 0;  // frames refused by either bus
   std::uint64_t caught_up_at_ = 0;    // cycle
   std::uint32_t evaluated_ = 0;
-  Joints last_delta_ = {};  // what the drives hold, since these cycles
+  Joints last_delta_ = {};  // corrections that the drives hold, since these cycles
   std::array<std::uint64_t, 6> held_since_ = {};
   std::array<double, 6> last_expected_ = {};
   Joints last_commanded_ = {};

@@ -1,4 +1,4 @@
-// The judge of the soak: every frame that comes out, against the table and what the drives hold.
+// The judge of the soak: checks all output against the table and what the drives hold.
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -44,7 +44,7 @@ void Soak::judge_gap(bool any_output) {
     interruptions += figures_.faults[static_cast<std::size_t>(fault)];
   }
   if (mode_ == Mode::kOffset && interruptions != interruptions_) {
-    // The time in which the arm would have been known to stand was spoilt: a controller waits
+    // The fault interrupted the time for which the arm must stand still: the controller waits
     // again.
     interruptions_ = interruptions;
     return stand_still(kSettles);
@@ -54,7 +54,7 @@ void Soak::judge_gap(bool any_output) {
   if (gap > 5) fail("no output although nothing is wrong any more");
 }
 
-// A node that has just started does not know what the drives hold; they do.
+// After a restart the node's counts begin at zero; the drives keep what they hold.
 void Soak::begin_life() {
   if (bench_.lives == life_) return;
   life_ = bench_.lives;
@@ -63,21 +63,21 @@ void Soak::begin_life() {
   seen_ = {};
 }
 
-// `delta` is what a joint is told beyond its command. Steps are judged from what its drive holds.
+// `delta` is the correction sent to a joint. Its step is judged from what the drive holds.
 void Soak::judge_joint(std::size_t joint, std::int32_t delta, std::int32_t commanded) {
   const std::string who = "joint " + std::to_string(joint + 1) + ": ";
   const double expected = expected_delta(commanded);
   const bool leaving = mode_ == Mode::kOffset && needs_healing_at_ != 0;
   const bool blending = blended_ <= blends_from_ + kBlendCycles;
-  // Evaluations since this joint's last output; more than one where a full bus took no more.
-  // Those of a life that has ended meanwhile are not known: at most one in a cycle.
+  // Evaluations since this joint's last output; more than one if a full bus refused its frames.
+  // Those before a restart are not known: at most one per cycle.
   const auto evaluations =
       static_cast<double>(leaving ? cycle_ - held_since_[joint] + 1 : blended_ - seen_[joint]);
   const double change = std::abs(static_cast<double>(delta) - last_delta_[joint]);
   const double error = std::abs(static_cast<double>(delta) - expected);
   // After a long silence the correction follows at the table's rate limit.
   const bool at_rate_limit = bench_.compensator().counters().rate_clamped != rate_clamped_;
-  // A joint whose frames a full bus refused comes after the others at the rate limit.
+  // A joint whose frames a full bus refused catches up at the rate limit.
   const std::uint32_t refused =
       bench_.downstream.counters().send_refused + bench_.upstream.counters().send_refused;
   if (refused != refused_by_any_) caught_up_at_ = cycle_ + kBlendCycles;
@@ -96,7 +96,7 @@ void Soak::judge_joint(std::size_t joint, std::int32_t delta, std::int32_t comma
                 std::to_string(expected));
   }
   if (std::abs(delta) > kPermitted) return fail(who + "more than the table permits");
-  // However many evaluations a full bus refused: what a drive never got earned it nothing.
+  // Outputs that a full bus refused do not permit a larger step, however many they were.
   if (change > kRateLimit + kSlack) {
     return fail(who + "faster than the rate limit: " + std::to_string(last_delta_[joint]) + " to " +
                 std::to_string(delta) + " in " + std::to_string(evaluations) + " evaluations");
@@ -117,7 +117,7 @@ void Soak::judge_set(std::vector<CanFrame>& set) {
   if (set.empty()) return;
   if (set.size() > 3) return fail("more than one set in a cycle");
   Joints released = last_released_;
-  // Which pose? The frame of joint 1 tells; without it (cut short) any of late may be meant.
+  // The frame of joint 1 identifies the pose; without it (a set cut short) the one due is assumed.
   const auto first =
       std::find_if(set.begin(), set.end(), [](const CanFrame& f) { return f.id == 0x220; });
   std::uint64_t meant = synchronous_ ? previous_pose_ : pose_;
@@ -135,12 +135,12 @@ void Soak::judge_set(std::vector<CanFrame>& set) {
   }
   const bool is_new_life = bench_.lives != life_;
   begin_life();
-  // Blending goes on with every evaluation, whether the bus took its output or not.
+  // Blending continues with every evaluation, whether the bus accepted its output or not.
   blended_ = bench_.node().joint_counters().steps;
   const Joints commanded = targets_of(meant);
   if (is_new_life) {
-    // The drives stand where they were told last. From there the nearest that is permitted: that
-    // itself where the controller waited for us.
+    // The drives stand at their last output. The correction starts at the nearest permitted value:
+    // the last correction itself if the controller waited.
     const bool waited = has_output_ && meant == last_output_pose_;
     const Joints began = targets_of(is_first ? meant : first_pose_);
     for (std::size_t joint = 0; joint < commanded.size(); ++joint) {
@@ -186,7 +186,7 @@ void Soak::judge_set(std::vector<CanFrame>& set) {
   has_output_ = true;
 }
 
-// Offset mode: every frame with offsets is a step of the drives that get it.
+// Offset mode: every frame with offsets is a step of the drives that receive it.
 void Soak::judge_offsets() {
   std::size_t frames = 0;
   const bool leaving = needs_healing_at_ != 0;
@@ -217,7 +217,7 @@ void Soak::judge_offsets() {
   judge_gap(frames != 0);
 }
 
-// The drives follow the controller's targets, a little late, and add the offset that they have.
+// The drives follow the controller's targets, slightly late, and add the offset that they hold.
 void Soak::judge_offset_feedback() {
   const Joints followed = targets_of(lagging_pose_);
   Joints stand = followed;
@@ -241,7 +241,7 @@ void Soak::judge_feedback() {
     bench_.from_drives(NodeBench::pair_frame(kFeedbackIds[pair], last_released_[2 * pair],
                                              last_released_[2 * pair + 1]));
   }
-  // Exact only where the drives stand on what the last evaluation of this life released as a whole.
+  // Exact only if the drives stand at the complete output of the last evaluation since the start.
   const bool exact = whole_ && has_output_ && bench_.lives == life_ &&
                      bench_.node().joint_counters().sets == evaluated_;
   for (const CanFrame& frame : bench_.upstream.take_sent()) {

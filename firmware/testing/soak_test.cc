@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::uint64_t kMinute = 60'000;
 
-TEST(SoakTest, NothingWrongMeansEveryCycleComesOut) {
+TEST(SoakTest, WithoutFaults_EveryCycleIsOutput) {
   Soak soak(1, 0.0);
   EXPECT_EQ(soak.run(2000), "");
   EXPECT_EQ(soak.figures().outputs, 1999U) << "a stream begins with its second set";
@@ -19,7 +19,7 @@ TEST(SoakTest, NothingWrongMeansEveryCycleComesOut) {
   EXPECT_EQ(soak.figures().forwarded, 4000U);
 }
 
-TEST(SoakTest, NothingWrongMeansOffsetsInEveryCycleOnceTheArmHasStood) {
+TEST(SoakTest, WithoutFaults_OffsetsInEveryCycleAfterStandstill) {
   Soak soak(1, 0.0, false, Mode::kOffset);
   EXPECT_EQ(soak.run(2000), "");
   EXPECT_EQ(soak.figures().outputs, 1899U);
@@ -28,7 +28,7 @@ TEST(SoakTest, NothingWrongMeansOffsetsInEveryCycleOnceTheArmHasStood) {
 
 class SoakSeedTest : public testing::TestWithParam<std::uint32_t> {};
 
-TEST_P(SoakSeedTest, AMinuteWithEverythingAtRandom) {
+TEST_P(SoakSeedTest, OneMinuteOfRandomFaults_JudgeFindsNothing) {
   const std::uint32_t seed = GetParam();
   Soak soak(seed, 2.0, seed % 2 == 0, seed <= 4 ? Mode::kInline : Mode::kOffset);
   EXPECT_EQ(soak.run(kMinute), "");
@@ -42,7 +42,7 @@ INSTANTIATE_TEST_SUITE_P(Seeds, SoakSeedTest, testing::Range(1U, 7U));
 
 class DriveSoakTest : public testing::TestWithParam<Mode> {};
 
-TEST_P(DriveSoakTest, MinutesWithDrivesThatDoNotAlwaysFollow) {
+TEST_P(DriveSoakTest, FiveMinutesOfDriveEvents_JudgeFindsNothing) {
   DriveSoak soak(1, GetParam());
   EXPECT_EQ(soak.run(5 * kMinute), "");
   EXPECT_EQ(soak.figures().came_back, soak.figures().suspended);
@@ -53,7 +53,7 @@ TEST_P(DriveSoakTest, MinutesWithDrivesThatDoNotAlwaysFollow) {
   }
 }
 
-TEST_P(DriveSoakTest, ItsJudgeNoticesAWrongOutput) {
+TEST_P(DriveSoakTest, DisabledCorrection_IsDetectedByTheJudge) {
   DriveSoak soak(1, GetParam());
   soak.disable_correction();
   soak.run_settled(200);
@@ -62,8 +62,7 @@ TEST_P(DriveSoakTest, ItsJudgeNoticesAWrongOutput) {
 
 INSTANTIATE_TEST_SUITE_P(Modes, DriveSoakTest, testing::Values(Mode::kInline, Mode::kOffset));
 
-TEST(SoakTest, TheJudgeNoticesAWrongOutput) {
-  // A node whose correction has been disabled is not what the judge expects.
+TEST(SoakTest, DisabledCorrection_IsDetectedByTheJudge) {
   Soak soak(1, 0.0);
   ASSERT_EQ(soak.run(100), "");
   soak.disable_correction();

@@ -147,7 +147,8 @@ void BasisTable::nonlinear_row(std::size_t i, std::size_t j, std::vector<Entry>&
 Design::Workspace::Workspace(const Design& design)
     : kinematics(design.kinematics_),
       coordinates(Eigen::VectorXd::Zero(design.kinematics_.layout().size())),
-      arm_coordinates(coordinates) {}
+      arm_coordinates(coordinates),
+      carried(design.carried_.loads()) {}
 
 Design::Design(const State& state, const Measurements& measurements, const Model& model,
                const Kinematics& kinematics)
@@ -156,6 +157,7 @@ Design::Design(const State& state, const Measurements& measurements, const Model
       model_(&model),
       kinematics_(kinematics),
       basis_(model, state, kinematics.layout()),
+      carried_(model, kinematics.layout(), state),
       feedback_(model, kinematics.layout(), state),
       residuals_per_row_(measurements.residuals_per_row()),
       weights_(measurements.rows, 1.0),
@@ -211,16 +213,27 @@ void Design::coordinates_of(std::size_t i, Workspace& w) const {
   w.coordinates.setZero();
   const bool follows = feedback_.stands();
   if (follows) w.arm_coordinates.setZero();
+  std::ranges::fill(w.carried, 0.0);
+  const auto add = [&](std::size_t p, int coordinate, double value) {
+    w.coordinates[coordinate] += values_[p] * value;
+    if (follows && is_arms_[p]) w.arm_coordinates[coordinate] += values_[p] * value;
+  };
   for (const BasisTable::Entry& e : w.entries) {
     const auto p = static_cast<std::size_t>(e.parameter);
-    w.coordinates[e.coordinate] += values_[p] * e.value;
-    if (follows && is_arms_[p]) w.arm_coordinates[e.coordinate] += values_[p] * e.value;
+    if (carried_.follows(p)) continue;
+    add(p, e.coordinate, e.value);
+    if (const int load = carried_.load_of(p); load >= 0)
+      w.carried[static_cast<std::size_t>(load)] += values_[p] * e.value;
   }
+  for (const CarriedLoads::Follower& f : carried_.followers())
+    add(f.parameter, f.coordinate, f.ratio[i] * w.carried[f.load]);
   if (follows) feedback_.correct(i, values_, w.arm_coordinates, w.coordinates);
 }
 
 double Design::stand(State& state) {
-  return armtrue::stand(state, basis_, *model_, values_, kinematics_, &feedback_);
+  const bool begins = carried_.begin();
+  const double moved = armtrue::stand(state, basis_, *model_, values_, kinematics_, &feedback_);
+  return begins ? std::numeric_limits<double>::infinity() : moved;
 }
 
 Design Design::with_loads_held() const {
@@ -286,7 +299,8 @@ void Design::evaluate(std::size_t i, bool with_jacobian, Row& row, Workspace& w)
   const Eigen::Matrix3d whiten_rotation =
       residuals_per_row_ == 6 ? Eigen::Matrix3d(root / measurements_->sigma_rotation * turn)
                               : Eigen::Matrix3d::Zero();
-  const auto most = static_cast<Eigen::Index>(w.entries.size() + model_->nonlinear.size());
+  const auto most = static_cast<Eigen::Index>(w.entries.size() + carried_.followers().size() +
+                                              model_->nonlinear.size());
   if (w.raw.cols() < most) w.raw.resize(6, most);
   w.slot_of_unknown.resize(static_cast<std::size_t>(unknowns()), -1);
   const auto slot = [&](int unknown) {
@@ -298,18 +312,34 @@ void Design::evaluate(std::size_t i, bool with_jacobian, Row& row, Workspace& w)
     }
     return s;
   };
+  // Adds what a parameter's basis value changes: its coordinate and, if it carries a load, those of
+  // the terms that follow this load.
+  const auto add = [&](int s, std::size_t p, int coordinate, double value) {
+    const bool is_direct = follows && !is_arms_[p];
+    w.raw.col(s) += value * (is_direct ? w.direct : w.geometric).col(coordinate);
+    const int load = carried_.load_of(p);
+    if (load < 0) return;
+    for (const CarriedLoads::Follower& f : carried_.followers()) {
+      if (f.load == static_cast<std::size_t>(load))
+        w.raw.col(s) += value * values_[f.parameter] * f.ratio[i] * w.geometric.col(f.coordinate);
+    }
+  };
   for (const BasisTable::Entry& e : w.entries) {
-    const int unknown = unknown_of_[static_cast<std::size_t>(e.parameter)];
-    if (unknown < 0) continue;
-    const bool is_direct = follows && !is_arms_[static_cast<std::size_t>(e.parameter)];
-    w.raw.col(slot(unknown)) += e.value * (is_direct ? w.direct : w.geometric).col(e.coordinate);
+    const auto p = static_cast<std::size_t>(e.parameter);
+    if (unknown_of_[p] >= 0 && !carried_.follows(p))
+      add(slot(unknown_of_[p]), p, e.coordinate, e.value);
+  }
+  for (const CarriedLoads::Follower& f : carried_.followers()) {
+    if (unknown_of_[f.parameter] >= 0)
+      add(slot(unknown_of_[f.parameter]), f.parameter, f.coordinate,
+          f.ratio[i] * w.carried[f.load]);
   }
   for (int j = 0; j < nonlinear_count(); ++j) {
     basis_.nonlinear_row(i, static_cast<std::size_t>(j), w.slopes);
     const int s = slot(static_cast<int>(free_.size()) + j);
     for (const BasisTable::Entry& e : w.slopes) {
-      w.raw.col(s) +=
-          values_[static_cast<std::size_t>(e.parameter)] * e.value * w.geometric.col(e.coordinate);
+      const auto p = static_cast<std::size_t>(e.parameter);
+      add(s, p, e.coordinate, values_[p] * e.value);
     }
   }
   const auto touched = static_cast<Eigen::Index>(row.unknowns.size());

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "fitter/common/parallel.h"
+#include "fitter/design/carried_load.h"
 #include "fitter/design/load_feedback.h"
 #include "fitter/design/model.h"
 #include "fitter/model/kinematics.h"
@@ -126,7 +127,8 @@ class Design {
   void set_unknowns(const double* unknowns);
   std::vector<double> unknown_values() const;
   /// Moves the loads of `state`, which the design reads, to the arm deflected by the present
-  /// values. Returns how far their change moves a frame at most [m, or rad].
+  /// values; terms that follow a carried load follow it from now on. Returns how far their change
+  /// moves a frame at most [m, or rad]; infinity if terms begin to follow.
   double stand(State& state);
   /// Whether predictions depend on loads, and so on the arm's deflection.
   bool reads_loads() const { return basis_.reads_loads(); }
@@ -155,6 +157,7 @@ class Design {
     std::vector<BasisTable::Entry> entries, slopes;
     std::vector<int> slot_of_unknown;
     Eigen::VectorXd coordinates, arm_coordinates;
+    std::vector<double> carried;  // loads that terms follow
     // Derivatives of the last evaluated row's pose by the coordinates. `geometric`: with loads that
     // follow the arm; `direct`: with constant loads; `raw`: by the unknowns, not yet whitened.
     Eigen::Matrix<double, 6, Eigen::Dynamic> geometric, direct, raw;
@@ -188,6 +191,7 @@ class Design {
   const Model* model_;
   Kinematics kinematics_;
   BasisTable basis_;
+  CarriedLoads carried_;
   LoadFeedback feedback_;
   std::vector<bool> is_arms_;  // by parameter: belongs to the arm, so that it moves the loads
   int residuals_per_row_;

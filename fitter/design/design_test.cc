@@ -125,6 +125,7 @@ std::vector<Named> problems() {
                                    "bending_compliance",
                                    "base_compliance",
                                    "gravity_balancer",
+                                   "balancer_state",
                                    "gear_harmonics",
                                    {{"effect", "gear_mesh"}, {"joints", {1, 3}}, {"find", true}},
                                    {{"effect", "transmission_pwl"}, {"joints", {2, 5}}},
@@ -258,6 +259,30 @@ TEST(Design, JacobianMatchesCentralDifferences) {
           << named.name << ", row " << row << ": " << difference.text();
     }
   }
+}
+
+// Friction of a balancer is a share of the balancer's torque, whose coefficients are unknowns too.
+TEST(Design, TermsThatFollowACarriedLoad_JacobianIsOfTheProduct) {
+  Random random(7);
+  PreparedDesign p({"a balancer with friction",
+                    testing::industrial_arm(),
+                    effects({"gravity_balancer", "balancer_state"}),
+                    {}},
+                   random);
+  p.design.stand(*p.problem.state);
+  double most = 0.0;
+  for (std::size_t row = 0; row < 6; ++row) {
+    const auto difference = from_differences(p, row, false);
+    EXPECT_LT(difference.worst, 1e-4) << "row " << row << ": " << difference.text();
+    Design::Row now;
+    p.design.evaluate(row, false, now);
+    most = std::max(most, (now.predicted.matrix() -
+                           predict_poses(*p.problem.state, p.problem.measurements.target,
+                                         p.problem.model, *p.problem.kinematics)[row]
+                               .matrix())
+                              .norm());
+  }
+  EXPECT_GT(most, 1e-6) << "the terms keep the load of their basis";
 }
 
 // Loads change with the deflection that they cause. The Jacobian contains this to first order, and

@@ -1,10 +1,8 @@
 #include "fitter/design/model.h"
 
 #include <algorithm>
-#include <functional>
 #include <numbers>
 #include <optional>
-#include <set>
 
 namespace armtrue {
 
@@ -97,6 +95,18 @@ json ModelSpecification::to_json() const {
   return content;
 }
 
+ModelSpecification ModelSpecification::without(
+    const std::function<bool(const EffectRequest&)>& unwanted) const {
+  ModelSpecification rest = *this;
+  std::erase_if(rest.effects, unwanted);
+  for (const EffectRequest& e : effects) {
+    if (!unwanted(e)) continue;
+    std::erase_if(rest.overrides,
+                  [&](const auto& entry) { return entry.first.starts_with(e.effect + "."); });
+  }
+  return rest;
+}
+
 bool ModelSpecification::contains(const std::string& effect) const {
   return std::any_of(effects.begin(), effects.end(),
                      [&](const EffectRequest& r) { return r.effect == effect; });
@@ -153,6 +163,26 @@ bool reads_any(const Parameter& parameter, const std::function<bool(const std::s
 }
 
 }  // namespace
+
+std::set<std::string> effects_hiding_loads(const Model& model) {
+  std::set<std::string> hiding;
+  for (const Parameter& carrier : model.parameters) {
+    if (!find_effect(carrier.effect).carries()) continue;
+    const Term& carried = carrier.terms.front();
+    const std::set<std::string> read = carried.basis.variables();
+    for (const Parameter& p : model.parameters) {
+      const Effect& effect = find_effect(p.effect);
+      if (effect.carries() || effect.role() == Role::kPlacement || effect.role() == Role::kGeometry)
+        continue;
+      const bool hides = std::ranges::any_of(p.terms, [&](const Term& term) {
+        return term.coordinate == carried.coordinate &&
+               std::ranges::includes(read, term.basis.variables());
+      });
+      if (hides) hiding.insert(p.effect);
+    }
+  }
+  return hiding;
+}
 
 bool is_foreseeable(const Parameter& parameter, int joints) {
   return !reads_any(parameter, [&](const std::string& name) {

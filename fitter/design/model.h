@@ -2,8 +2,10 @@
 // columns.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <nlohmann/json_fwd.hpp>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -27,6 +29,8 @@ struct ModelSpecification {
   static ModelSpecification from_json(const nlohmann::json& content);
   nlohmann::json to_json() const;
   bool contains(const std::string& effect) const;
+  /// Without these effects and what is stated of their parameters.
+  ModelSpecification without(const std::function<bool(const EffectRequest&)>& unwanted) const;
 };
 
 /// Parameters of a specification, in order, without repetition.
@@ -43,6 +47,10 @@ std::vector<Spring> springs_of(const Model& model, int joints);
 
 /// The fitted terms of effects that carry a load (Effect::carries), summed by load.
 std::map<std::string, Expression> carried_of(const Model& model);
+
+/// Physical effects and tables that act where a carried load acts and depend on nothing else than
+/// it does. Beside one of these, a fit can give the load any size.
+std::set<std::string> effects_hiding_loads(const Model& model);
 
 /// False if the parameter depends on the history before a pose, which no prediction has.
 bool is_foreseeable(const Parameter& parameter, int joints);

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "fitter/effects/tables.h"
+#include "fitter/evidence/refit.h"
 
 namespace armtrue {
 namespace {
@@ -13,8 +14,8 @@ namespace {
 // a table.
 constexpr std::size_t kSpectralPeaks = 3;
 constexpr std::size_t kFineNodes = 30, kPairNodes = 7;
-constexpr double kLowestLine = 2.5;   // lower counts are covered by harmonics and geometry
-constexpr double kFewestWaves = 2.0;  // fewest waves of a line over a sliding joint's travel
+constexpr double kLowestLine = 2.5;        // lower counts are covered by harmonics and geometry
+constexpr double kFewestSlideWaves = 2.0;  // fewest waves of a line over a sliding joint's travel
 
 // The effect that causes a line of a joint's residual, as a request; nullopt if none does.
 std::optional<EffectRequest> cause_of_line(const EffectContext& context, int joint, double cycles) {
@@ -62,7 +63,7 @@ bool is_tried(const Fit& fit, const JointSpectrum& spectrum, double cycles, cons
 // Fewest cycles of a line: less than about one wave over the joint's range is a bend that geometry
 // and harmonics produce too.
 double fewest_cycles(const JointSpectrum& spectrum) {
-  return spectrum.slides ? kFewestWaves * spectrum.resolution
+  return spectrum.slides ? kFewestSlideWaves * spectrum.resolution
                          : std::max(kLowestLine, spectrum.resolution);
 }
 

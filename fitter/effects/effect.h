@@ -26,6 +26,10 @@ struct GeometryPriors {
 /// behind the drive looks like a lead.
 inline constexpr double kCountedOtherwise = 0.05;
 
+/// Effect::relative_odds of what data sheets state and hardly any arm is exactly: masses, and a
+/// level base. Ours: 4 makes the odds 0.12; from 1 to 10 no campaign without such errors named one.
+inline constexpr double kOnMostArms = 4.0;
+
 /// A spring that a fit has found: where it yields, to which load, and by how much: compliance ·
 /// yields per unit of additional load.
 struct Spring {
@@ -136,10 +140,14 @@ class Effect {
   /// The load that the effect carries, if any. Terms that add to that load are hardly this effect.
   virtual std::optional<CarriedLoad> carries() const { return std::nullopt; }
   bool generic() const { return role() == Role::kTable; }
+  /// Prior odds of presence relative to those of other kinds of effects.
+  virtual double relative_odds() const { return 1.0; }
 
   /// True if the terms depend on EffectContext::springs: the fit is then repeated until these no
   /// longer change.
   virtual bool reads_springs() const { return false; }
+  /// True if the terms depend on EffectContext::carried.
+  virtual bool reads_carried() const { return false; }
 
   /// Joints of an entry that names none.
   std::vector<int> joints_of_bare_entry(const EffectContext& context) const;

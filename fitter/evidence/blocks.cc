@@ -391,6 +391,7 @@ void Builder::set_odds() {
   for (EvidenceBlock& block : model_.blocks) {
     double odds = kKindOdds / (block.tried > 0.0 ? block.tried : of_kind[block.kind]);
     if (is_joint_table(block.request)) odds /= kCauseBeforeTable;
+    odds *= find_effect(block.request.effect).relative_odds();
     block.search.log_odds = std::log(block.believed ? kBelievedOdds : odds);
   }
 }

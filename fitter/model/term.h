@@ -22,12 +22,20 @@ struct TableReference {
   std::vector<int> index;
 };
 
+/// A term proportional to a load that other terms of its model carry: basis = load · ratio. The
+/// basis holds the load as it was when the model was built.
+struct Follows {
+  std::string load;  ///< CarriedLoad::torque of the effects that carry it
+  Expression ratio = Expression::number(0.0);
+};
+
 /// weight · basis(state), on one coordinate.
 struct Term {
   Coordinate coordinate;
   Expression basis = Expression::number(1.0);
   double weight = 1.0;
   std::optional<TableReference> table;
+  std::optional<Follows> follows = std::nullopt;
 };
 
 /// One coefficient and the terms that it drives.

@@ -5,6 +5,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <set>
 #include <utility>
 
 #include "fitter/design/placement.h"
@@ -41,46 +42,38 @@ bool is_searched(const Model& model) {
                      [](const NonlinearParameter& p) { return !p.starts.empty(); });
 }
 
-// Largest change of a spring between two fits of one model, relative to the largest spring.
-double largest_change(const std::vector<Spring>& before, const std::vector<Spring>& after) {
-  if (before.size() != after.size()) return 1.0;
-  double change = 0.0, largest = 0.0;
-  for (std::size_t i = 0; i < after.size(); ++i) {
-    change = std::max(change, std::abs(after[i].compliance - before[i].compliance));
-    largest = std::max(largest, std::abs(after[i].compliance));
-  }
-  return largest > 0.0 ? change / largest : 0.0;
-}
-
 }  // namespace
 
-// Terms of some effects depend on springs that the same fit estimates, so the fit is repeated until
-// the springs no longer change.
+// Terms of some effects depend on springs, or on a balancer, that the same fit estimates, so the
+// fit is repeated until these no longer change.
 std::unique_ptr<Fit> Fit::run(const Robot& robot, const State::Columns& columns,
                               const ModelSpecification& specification, const FitOptions& options,
                               Observer& observer) {
   const auto reads_springs = [](const EffectRequest& e) {
     return find_effect(e.effect).reads_springs();
   };
-  if (std::none_of(specification.effects.begin(), specification.effects.end(), reads_springs))
+  const auto reads_carried = [](const EffectRequest& e) {
+    return find_effect(e.effect).reads_carried();
+  };
+  if (std::ranges::none_of(specification.effects, reads_springs))
     return run_once(robot, columns, specification, options, observer);
   FitOptions trial = options;
   trial.cross_validate = false;
   if (!trial.start || trial.start->springs.empty()) {
-    ModelSpecification without = specification;
-    std::erase_if(without.effects, reads_springs);
-    for (const EffectRequest& e : specification.effects) {
-      if (!reads_springs(e)) continue;
-      std::erase_if(without.overrides,
-                    [&](const auto& entry) { return entry.first.starts_with(e.effect + "."); });
+    const ModelSpecification simpler = specification.without(reads_springs);
+    std::unique_ptr<Fit> first = run_once(robot, columns, simpler, trial, observer);
+    if (std::ranges::any_of(specification.effects, reads_carried)) {
+      const std::set<std::string> hiding = effects_hiding_loads(first->model());
+      const auto hides = [&](const EffectRequest& e) { return hiding.contains(e.effect); };
+      if (!hiding.empty())
+        first = run_once(robot, columns, simpler.without(hides), trial, observer);
     }
-    trial.start = std::make_shared<StartPoint>(
-        run_once(robot, columns, without, trial, observer)->start_point());
+    trial.start = std::make_shared<StartPoint>(first->start_point());
   }
   std::unique_ptr<Fit> fit;
   for (int pass = 0; pass < kSpringPasses; ++pass) {
     fit = run_once(robot, columns, specification, trial, observer);
-    const double change = largest_change(trial.start->springs, fit->context().springs);
+    const double change = fit->change_since(*trial.start);
     trial.start = std::make_shared<StartPoint>(fit->start_point());
     if (change < kSpringsStand) break;
   }
@@ -166,6 +159,7 @@ void Fit::begin() {
     if (const auto start = options_.nonlinear_starts.find(p.name);
         start != options_.nonlinear_starts.end()) {
       p.value = start->second;
+      if (is_newly_followed(p)) continue;
       p.starts.clear();
     } else if (const auto guess = options_.nonlinear_guesses.find(p.name);
                guess != options_.nonlinear_guesses.end()) {
@@ -180,6 +174,20 @@ void Fit::begin() {
     throw ModelError("measurements: found " + std::to_string(measurements_.rows) +
                      " poses, expected at least 4");
   }
+}
+
+// Whether a term of the model, but none of the start's, follows the load that the parameter's
+// effect carries. Such a term can contradict the value of the start, which is then only one of
+// many.
+bool Fit::is_newly_followed(const NonlinearParameter& parameter) const {
+  const auto load = find_effect(parameter.effect).carries();
+  return load && std::ranges::any_of(model_.parameters, [&](const Parameter& p) {
+           const bool is_new = !options_.start || !options_.start->values.contains(p.name) ||
+                               options_.nonlinear_guesses.contains(p.name);
+           return is_new && std::ranges::any_of(p.terms, [&](const Term& term) {
+                    return term.follows && term.follows->load == load->torque;
+                  });
+         });
 }
 
 void Fit::scale_noise(double factor) {
@@ -360,7 +368,7 @@ void Fit::solve_as_weighed() {
   begin_at(start);
   choose_free();
   count_from(start);
-  solve_from_here();
+  solve_from_anywhere();
   solve_with_wider_priors();
   rescale_noise();
   solve_from_here(Accuracy::kFull);

@@ -138,6 +138,7 @@ class Fit {
                                        const ModelSpecification& specification,
                                        const FitOptions& options, Observer& observer);
   void begin();
+  bool is_newly_followed(const NonlinearParameter& parameter) const;
   void scale_noise(double factor);
   void rescale_noise();
   void solve_with_wider_priors();
@@ -146,6 +147,8 @@ class Fit {
   bool smoothness_stands() const;
   bool change_smoothness();
   void begin_at(const StartPoint& start);
+  // Largest relative change of springs and carried loads.
+  double change_since(const StartPoint& start) const;
   double stand_as_fitted();
   void solve_from_here(Accuracy accuracy = Accuracy::kOnTheWay);
   void solve_from_anywhere();

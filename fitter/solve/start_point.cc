@@ -1,4 +1,6 @@
 // Start of a fit at the result of another one.
+#include <algorithm>
+#include <cmath>
 #include <iterator>
 
 #include "fitter/solve/fit.h"
@@ -27,7 +29,41 @@ double between(const std::map<double, double>& values, double node) {
   return below->second + share * (above->second - below->second);
 }
 
+// Largest change of a spring between two fits of one model, relative to the largest spring.
+double largest_change(const std::vector<Spring>& before, const std::vector<Spring>& after) {
+  if (before.size() != after.size()) return 1.0;
+  double change = 0.0, largest = 0.0;
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    change = std::max(change, std::abs(after[i].compliance - before[i].compliance));
+    largest = std::max(largest, std::abs(after[i].compliance));
+  }
+  return largest > 0.0 ? change / largest : 0.0;
+}
+
+// Largest change of a carried load between two fits of one model, relative to the load.
+double largest_change(const std::map<std::string, Expression>& before, const Fit& after) {
+  double change = 0.0;
+  for (const auto& [load, now] : after.context().carried) {
+    const auto found = before.find(load);
+    if (found == before.end()) return 1.0;
+    const std::vector<double> was = after.state().values(found->second);
+    const std::vector<double> is = after.state().values(now);
+    double moved = 0.0, whole = 0.0;
+    for (std::size_t i = 0; i < is.size(); ++i) {
+      moved += (is[i] - was[i]) * (is[i] - was[i]);
+      whole += is[i] * is[i];
+    }
+    if (whole > 0.0) change = std::max(change, std::sqrt(moved / whole));
+  }
+  return change;
+}
+
 }  // namespace
+
+double Fit::change_since(const StartPoint& start) const {
+  return std::max(largest_change(start.springs, context_->springs),
+                  largest_change(start.carried, *this));
+}
 
 StartPoint Fit::start_point() const {
   StartPoint start{prepared_,         {},    kinematics_->base(), {}, context_->springs,

@@ -14,7 +14,7 @@ from armtrue_sim.cases import hidden_cases
 @pytest.mark.quick("2")
 @pytest.mark.parametrize("seed", [1, 2])
 def test_halved_masses_are_named_as_one_cause(seed: int, tmp_path: Path) -> None:
-    # Each mass was drawn back to its file's by its prior, and what let it was named with more than 99 %.
+    # Priors drew the masses back to the file's, and an effect that explained the rest was named with more than 99 %.
     simulate(
         {"arm": "cobot", "seed": seed, "poses": 80, "test_poses": 0, "payloads": [0.0, 2.0, 5.0]}, tmp_path
     )

@@ -1,4 +1,5 @@
-# Monocypher's C source out of the source package of PyPI's pymonocypher: pinned by hash, fetched once, never vendored.
+# Monocypher's C source, from the source package of PyPI's pymonocypher. Pinned by hash, fetched once, not part of this
+# repository.
 set(sdist_dir ${PROJECT_SOURCE_DIR}/.cache/sdist)
 set(monocypher_dir ${CMAKE_BINARY_DIR}/monocypher)
 set(monocypher_pin ${CMAKE_CURRENT_LIST_DIR}/monocypher-source.txt)
@@ -29,7 +30,7 @@ if(NOT EXISTS ${monocypher_dir}/monocypher.c)
   endforeach()
 endif()
 
-# Somebody else's code: built as it is, without our warnings.
+# Third-party code: compiled unchanged and without this project's warnings.
 add_library(monocypher STATIC ${monocypher_dir}/monocypher.c)
 target_include_directories(monocypher SYSTEM PUBLIC ${monocypher_dir})
 target_compile_definitions(monocypher PRIVATE BLAKE2_NO_UNROLLING)

@@ -37,7 +37,7 @@ TEST(Crc32Test, CheckValue) {
   EXPECT_EQ(crc32({}), 0U);
 }
 
-TEST(Crc32Test, PiecesGiveTheWhole) {
+TEST(Crc32Test, Crc32OfTwoPieces_EqualsThatOfTheWhole) {
   const std::vector<std::uint8_t> text = bytes_of("a table in two pieces");
   const auto first = std::span(text).first(7);
   EXPECT_EQ(crc32(std::span(text).subspan(7), crc32(first)), crc32(text));
@@ -95,7 +95,7 @@ TEST(Ed25519Test, Rfc8032Vectors) {
   }
 }
 
-TEST(Ed25519Test, AnythingAlteredIsRefused) {
+TEST(Ed25519Test, AlteredSignatureMessageOrKey_IsRefused) {
   const auto key = array_of<32>(kVectors[2].key);
   const auto good = array_of<64>(kVectors[2].signature);
   const std::vector<std::uint8_t> message = from_hex(kVectors[2].message);

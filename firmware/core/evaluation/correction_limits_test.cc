@@ -15,13 +15,13 @@ TEST(ScaleIntoLimitsTest, CorrectionWithinAllLimits_StaysAsItIs) {
 }
 
 TEST(ScaleIntoLimitsTest, WorstJointEndsAtItsLimit_OthersHaveTheSameShare) {
-  // 1000 of 300 is further beyond than 900 of 600.
+  // 1000/300 is the larger excess than 900/600.
   JointAmounts correction = {-900, 1000, 10, -7};
   EXPECT_EQ(scale_into_limits({600, 300, 10000, 10000}, 4, correction), 0b0011U);
   EXPECT_EQ(correction, (JointAmounts{-270, 300, 3, -2})) << "rounded towards zero";
 }
 
-TEST(ScaleIntoLimitsTest, LimitOfZero_LeavesNothing) {
+TEST(ScaleIntoLimitsTest, LimitOfZero_ZeroesAllJoints) {
   for (const std::size_t without : {0U, 1U, 2U}) {
     JointAmounts largest = {10, 10, 10};
     largest[without] = 0;
@@ -31,13 +31,13 @@ TEST(ScaleIntoLimitsTest, LimitOfZero_LeavesNothing) {
   }
 }
 
-TEST(ScaleIntoLimitsTest, LimitOfZeroWhereNothingIsWanted_LimitsNothing) {
+TEST(ScaleIntoLimitsTest, LimitOfZero_OnUncorrectedJoint_HasNoEffect) {
   JointAmounts correction = {5, 0};
   EXPECT_EQ(scale_into_limits({10, 0}, 2, correction), 0U);
   EXPECT_EQ(correction, (JointAmounts{5, 0}));
 }
 
-TEST(ScaleIntoLimitsTest, JointsThatTheArmDoesNotHave_AreNotLookedAt) {
+TEST(ScaleIntoLimitsTest, JointsBeyondTheCount_AreIgnored) {
   JointAmounts correction = {5, 999};
   EXPECT_EQ(scale_into_limits({10, 0}, 1, correction), 0U);
   EXPECT_EQ(correction, (JointAmounts{5, 999}));
@@ -66,7 +66,7 @@ TEST(ScaleIntoLimitsTest, AnyCorrection_EndsWithinItsLimitsInItsDirection) {
     bool is_one_at_its_limit = beyond == 0U;
     for (std::size_t k = 0; k < kMaxJoints; ++k) {
       ASSERT_LE(std::abs(std::int64_t{scaled[k]}), largest[k]);
-      // Half a unit of the share's rounding, and what is cut off.
+      // Rounding of the share, up to half a unit, and rounding towards zero.
       ASSERT_NEAR(scaled[k], share * wanted[k], 1.0);
       ASSERT_GE(std::int64_t{scaled[k]} * wanted[k], 0);
       is_one_at_its_limit =

@@ -54,7 +54,7 @@ Eigen::VectorXd solved(const Problem& problem, const Eigen::VectorXd& error,
   return result;
 }
 
-// J Jᵀ = U S² Uᵀ: all that the tests ask of J, and much quicker to compile than its singular value
+// J Jᵀ = U S² Uᵀ gives all that the tests need of J, and compiles much faster than a singular value
 // decomposition.
 struct Singular {
   Eigen::MatrixXd vectors;  // U
@@ -94,7 +94,7 @@ TEST_P(DampedSolverTest, AgreesWithDoublePrecision) {
     const double of_solution = std::ldexp(values.maxCoeff() * e.norm(), -12);
     const double of_matrix = std::ldexp(1.0, -27) * values.squaredNorm() /
                              (std::pow(values.minCoeff(), 2) + kDamping * kDamping) * wanted.norm();
-    // What rounding the error (2^-31) and the Jacobian (2^-23) on the way in becomes.
+    // The effect of rounding the inputs: the error (2^-31) and the Jacobian (2^-23).
     const double gain = values.minCoeff() / (std::pow(values.minCoeff(), 2) + kDamping * kDamping);
     const double of_input =
         3.0 * gain * (std::ldexp(1.0, -31) + std::ldexp(2.0, -23) * wanted.norm());
@@ -110,7 +110,7 @@ TEST_P(DampedSolverTest, StepsStayWithinTheStatedBoundAtSingularities) {
     Eigen::MatrixXd j = Eigen::MatrixXd::NullaryExpr(rows, 6, [&] { return normal(random); });
     const Singular singular(j);
     Eigen::VectorXd scale = Eigen::VectorXd::Ones(rows);
-    // The least goes through the singularity: 0 to 4 λ.
+    // The smallest singular value varies from 0, the singularity, to 4 λ.
     scale[0] = (i % 20) * 0.004 / singular.values[0];
     const Eigen::MatrixXd rows_of_v = singular.vectors.transpose() * j;  // S Vᵀ
     j = singular.vectors * (scale.asDiagonal() * rows_of_v);
@@ -138,8 +138,8 @@ TEST_P(DampedSolverTest, RegularPosturesAreNotFlagged) {
 
 INSTANTIATE_TEST_SUITE_P(Rows, DampedSolverTest, ::testing::Values(3, 6));
 
-TEST(DampedSolverTest, AxesThroughTheTool_WithTheLeastDamping_GiveNoStep) {
-  // Nothing moves the tool: J is zero and λ² alone is left, 2^28 in the solver's format.
+TEST(DampedSolverTest, ZeroJacobian_AtLeastDamping_GivesNoStep) {
+  // All axes pass through the tool: J is zero and only λ² is left, 2^28 in the solver's format.
   const Jacobian jacobian = {};
   DampedSolver solver;
   solver.factor(jacobian, 6, 3, {std::int32_t{1} << (Length::fraction - 8)});
@@ -148,8 +148,8 @@ TEST(DampedSolverTest, AxesThroughTheTool_WithTheLeastDamping_GiveNoStep) {
   for (std::size_t k = 0; k < 6; ++k) EXPECT_EQ(step[k].raw, 0);
 }
 
-TEST(DampedSolverTest, ArmsOfAFewMillimetres_AgreeWithDoublePrecision) {
-  // Squares of 2^31 to 2^32 in the solver's format: they are brought to 30 bits like larger ones.
+TEST(DampedSolverTest, ArmsOf11To17Millimetres_AgreeWithDoublePrecision) {
+  // Their squares, 2^31 to 2^32 in the solver's format, are scaled to 30 bits like larger ones.
   for (const double arm : {0.0112, 0.0125, 0.0145, 0.0155, 0.0165}) {
     Jacobian jacobian = {};
     for (std::size_t k = 0; k < 3; ++k) {
@@ -167,14 +167,14 @@ TEST(DampedSolverTest, ArmsOfAFewMillimetres_AgreeWithDoublePrecision) {
   }
 }
 
-TEST(DampedSolverTest, ElementsAtTheEndOfTheirRange_StillFactor) {
-  // As far as couplings may take them (checks_arm.cc): λ² vanishes beside them.
+TEST(DampedSolverTest, LargestElements_GiveNoStepTheWrongWay) {
+  // The largest elements that couplings permit (checks_arm.cc): λ² is negligible beside them.
   Jacobian jacobian = {};
   for (JacobianColumn& column : jacobian) column[0] = std::int32_t{1} << 29;
   DampedSolver solver;
   solver.factor(jacobian, kMaxJoints, 3, {std::int32_t{1} << (Length::fraction - 8)});
   EXPECT_TRUE(solver.is_near_singular());
-  // Too small to be a number of the solver's: no step, and none the wrong way.
+  // The step is too small for the solver's format: it may be zero, but not in the wrong direction.
   const JointStep step = solver.step({{{1 << 27}, {0}, {0}, {0}, {0}, {0}}});
   for (const Coordinate& each : step) {
     EXPECT_GE(each.raw, 0);

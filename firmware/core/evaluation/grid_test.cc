@@ -70,7 +70,7 @@ const AxisSpec kLine = {{-1.0, -0.5, 0.0, 0.5, 1.0}, 0};
 const std::vector<std::int16_t> kLineValues = {100, -200, 300, 32767, -32768};
 const std::vector<bool> kAll5(5, true);
 
-TEST(GridTest, LineMeetsItsNodesAndIsLinearBetween) {
+TEST(GridTest, Line_PassesThroughItsNodes_IsLinearBetween) {
   const Bytes data = data_of({kLine}, 1, kLineValues, kAll5);
   for (std::size_t i = 0; i < 5; ++i)
     EXPECT_NEAR(value_at(data, {kLine.nodes[i]}), kLineValues[i], 0.1);
@@ -78,7 +78,7 @@ TEST(GridTest, LineMeetsItsNodesAndIsLinearBetween) {
   EXPECT_NEAR(value_at(data, {0.9}), 32767 - 0.8 * 65535, 0.1);
 }
 
-TEST(GridTest, FadesToNeutralOverOneCellBeyondItsEnds) {
+TEST(GridTest, Line_BeyondItsEnds_FadesToZeroWithinOneCell) {
   const Bytes data = data_of({kLine}, 1, kLineValues, kAll5);
   bool covered = true;
   EXPECT_NEAR(value_at(data, {-1.25}, &covered), 50.0, 0.01);
@@ -91,7 +91,7 @@ TEST(GridTest, FadesToNeutralOverOneCellBeyondItsEnds) {
   EXPECT_TRUE(covered);
 }
 
-TEST(GridTest, HoldsWhereItIsToldTo) {
+TEST(GridTest, HoldFlags_KeepEndValuesBeyondTheEnds) {
   const AxisSpec held = {kLine.nodes, format::grid::kAxisHoldLow | format::grid::kAxisHoldHigh};
   const Bytes data = data_of({held}, 1, kLineValues, kAll5);
   bool covered = false;
@@ -100,7 +100,7 @@ TEST(GridTest, HoldsWhereItIsToldTo) {
   EXPECT_EQ(value_at(data, {5.0}), -32768.0);
 }
 
-TEST(GridTest, UncoveredNodesAreNeutralAndContinuous) {
+TEST(GridTest, UncoveredNode_IsZero_ValuesStayContinuous) {
   const std::vector<bool> covered = {true, true, false, true, true};
   const Bytes data = data_of({kLine}, 1, {100, 200, 0, 400, 500}, covered);
   bool inside = true;
@@ -122,7 +122,7 @@ TEST(GridTest, UnevenNodesInterpolateLikeEvenOnes) {
   EXPECT_NEAR(value_at(data, {0.325}), -250.0, 0.1);
 }
 
-TEST(GridTest, ValuesBehindMoreThan32Nodes_AreFound) {
+TEST(GridTest, LineOf33Nodes_HasTheRightValueAtEachNode) {
   AxisSpec axis = {{}, 0};
   std::vector<std::int16_t> values;
   for (int i = 0; i < 33; ++i) {
@@ -138,7 +138,7 @@ TEST(GridTest, ValuesBehindMoreThan32Nodes_AreFound) {
   }
 }
 
-TEST(GridTest, SumOfItsCorners_RoundsToNearest) {
+TEST(GridTest, SumOverCellCorners_RoundsToNearest) {
   // The far corner's weight is 32767 or 32768 of 2^16 steps of the result.
   const AxisSpec line = {{0.0, 1.0}, 0};
   const Bytes data = data_of({line, line}, 1, {0, 0, 0, 1}, std::vector<bool>(4, true));
@@ -146,7 +146,7 @@ TEST(GridTest, SumOfItsCorners_RoundsToNearest) {
   EXPECT_EQ(value_at(data, {std::ldexp(1.0, -8), std::ldexp(32768.0, -20)}), std::ldexp(1.0, -12));
 }
 
-TEST(GridTest, EveryCornerOfItsCellMustBeCovered) {
+TEST(GridTest, Cell_IsCoveredOnlyIfAllItsCornersAre) {
   const AxisSpec line = {{0.0, 1.0}, 0};
   for (std::size_t gap = 0; gap <= 4; ++gap) {
     std::vector<bool> covered(4, true);
@@ -199,7 +199,7 @@ TEST_P(ManyAxes, AgreesWithDoublePrecisionEverywhereAndIsContinuous) {
     for (std::size_t a = 0; a < axes; ++a) at.push_back(anywhere(random));
     for (std::size_t o = 0; o < outputs; ++o)
       EXPECT_NEAR(value_at(data, at, nullptr, o), exact(at, o), 0.3);
-    // A step of 1e-7 rad changes at most 65535 units a cell and axis.
+    // The slope is at most 65535 units per cell of 1 rad and axis; the step is 1e-7 rad.
     std::vector<double> beside = at;
     for (double& v : beside) v += 1e-7;
     EXPECT_NEAR(value_at(data, beside), value_at(data, at), 0.1);

@@ -15,11 +15,11 @@
 namespace armtrue {
 namespace {
 
-// One joint, of which x is known exactly: x + offset + steep(x) + smooth(x) = target. Every term
-// must see the link where the ones before it have moved it.
-TEST(InverseTest, TermsOfALink_AreThoseOfWhereItStands) {
+// One joint whose x is known exactly: x + offset + steep(x) + smooth(x) = target. Every term must
+// be evaluated at the link position that the terms before it produced.
+TEST(InverseTest, LinkTerms_AreEvaluatedAtTheMovedLink) {
   constexpr double kOffset = 5e-3;
-  constexpr double kSteep = 1e-2;   // amplitude of sin 15 x; 0.75 mrad of it over the offset
+  constexpr double kSteep = 1e-2;   // amplitude of sin 15 x; changes by 0.75 mrad over the offset
   constexpr double kSmooth = 1e-3;  // times sin 2 x
   tests::TestImage made(1);
   made.add_constant(0, kOffset);
@@ -52,7 +52,7 @@ std::array<double, 2> tip(const std::array<double, 3>& angles) {
   return {x, y};
 }
 
-// The share of a step of the arm, stretched along x.
+// The permitted share of a joint step of the arm stretched out along x.
 double share_of(const std::array<double, 3>& turns) {
   const tests::Bytes image = tests::TestImage(3, kLink).image();
   const TableView table(image);
@@ -65,7 +65,7 @@ double share_of(const std::array<double, 3>& turns) {
   return std::ldexp(straight_share(table, frames, tool.origin, step).raw, -Ratio::fraction);
 }
 
-TEST(SecondOrderTest, Share_IsWhatBendsByAnEighth) {
+TEST(SecondOrderTest, Share_LimitsTheBendToAnEighthOfThePath) {
   for (const double times : {0.5, 1.0, 3.0, 9.0}) {
     const std::array<double, 3> turns = {0.02 * times, -0.05 * times, 0.04 * times};
     const double a = turns[0], b = a + turns[1], c = b + turns[2];
@@ -80,12 +80,12 @@ TEST(SecondOrderTest, StraightStep_IsTakenWhole) {
   EXPECT_EQ(share_of({0.0, 0.0, 0.0}), 1.0);
 }
 
-TEST(SecondOrderTest, StepThatMovesTheToolNowhere_IsNotTaken) {
+TEST(SecondOrderTest, StepWithoutToolMotion_IsNotTaken) {
   EXPECT_NEAR(share_of({0.1, -0.3, 0.3}), 0.0, 1e-6);
 }
 
-// A point that an arm 10 mm short hardly reaches: a step along the straight line would fold it.
-TEST(InverseTest, NearlyStretchedArm_IsNotLeftFurtherOff) {
+// An arm 10 mm too short hardly reaches the target: a step along the straight line would fold it.
+TEST(InverseTest, NearlyStretchedArm_ErrorDoesNotGrow) {
   tests::TestImage made(3, kLink);
   made.add_constant(format::kMotorCoordinates, -0.01);  // the base's x
   tests::put(made.header(), format::header::kDampingAt, tests::fixed(0.006, 27));
@@ -106,9 +106,9 @@ TEST(InverseTest, NearlyStretchedArm_IsNotLeftFurtherOff) {
   EXPECT_LE(worst, 0.01);
 }
 
-// Bars keep the last link of the planar arm level and hold it a little off; the two motors make
-// that good. The third joint's angle is what the bars give.
-TEST(InverseTest, PassiveJoint_IsLeftAndMadeGoodByTheOthers) {
+// Bars keep the last link of the planar arm level, with a small angular error; the two motors
+// correct its effect at the tool. The third joint's angle follows from the bars.
+TEST(InverseTest, PassiveJointError_IsCorrectedByTheOtherJoints) {
   constexpr double kOff = 8e-3;
   tests::TestImage made(3, kLink);
   made.section(format::Section::kJoints)[2 * format::joint::kLength + format::joint::kFlagsAt] =
@@ -135,7 +135,7 @@ TEST(InverseTest, PassiveJoint_IsLeftAndMadeGoodByTheOthers) {
     const auto wanted = level_tip(q0, q1, 0.0);
     const auto reached = level_tip(q0 + correction.delta[0] / kUnitsPerRadian,
                                    q1 + correction.delta[1] / kUnitsPerRadian, kOff);
-    // 4 mm before; the second step leaves the square of what the damping takes.
+    // 4 mm uncorrected. Damping leaves a share of it after one step, the share's square after two.
     EXPECT_LT(std::hypot(reached[0] - wanted[0], reached[1] - wanted[1]), 20e-6) << q0;
   }
 }

@@ -21,7 +21,7 @@ tests::Bytes with_turn(double radian) {
   return made.image();
 }
 
-TEST(KinematicsTest, JointsThatTurn_DoNotSlide) {
+TEST(KinematicsTest, RevoluteJoints_HaveNoSlide) {
   const tests::Bytes image = tests::TestImage(3).image();
   const TableView table(image);
   JointMotions motions;
@@ -32,7 +32,7 @@ TEST(KinematicsTest, JointsThatTurn_DoNotSlide) {
   }
 }
 
-TEST(KinematicsTest, LargeTurns_AreThoseOfTheirOwnFrame_FromTwoMilliradians) {
+TEST(KinematicsTest, HasLargeTurn_FromTwoMilliradians_OfThatFrameOnly) {
   for (const auto& [radian, is_large] : {std::pair{1.9e-3, false}, std::pair{2.0e-3, true},
                                          std::pair{-1.9e-3, false}, std::pair{-2.0e-3, true}}) {
     const tests::Bytes image = with_turn(radian);
@@ -52,13 +52,13 @@ TEST(KinematicsTest, TurnOfTenMilliradians_IsExactToItsFourthOrder) {
   Coordinates coordinates = {};
   coordinates[format::kMotorCoordinates + 6 + 5] = {tests::fixed(kTurn, Coordinate::fraction)};
   const Vector point = real_tool(table, motions, coordinates).point;
-  // Three links of 0.5 m, turned about the first joint; to second order it would be 0.25 µm short.
+  // Three links of 0.5 m turn about the first joint; to second order they would be 0.25 µm off.
   EXPECT_NEAR(std::ldexp(point.x, -Length::fraction), 1.5 * std::cos(kTurn), 1.5e-8);
   EXPECT_NEAR(std::ldexp(point.y, -Length::fraction), 1.5 * std::sin(kTurn), 1.5e-8);
 }
 
 TEST(KinematicsTest, SmallTurns_RoundEveryComponentToNearest) {
-  // r × v is 3; half of it rounds to 2, of which r × takes 0.6, rounded to 1.
+  // r × v is 3; half of it rounds to 2, and r × 2 is 0.6, rounded to 1.
   const std::int32_t r = tests::fixed(0.3, 30);
   EXPECT_TRUE(rotate_small({r, 0, 0}, {0, 10, 0}) == (Vector{0, 9, 3}));
   EXPECT_TRUE(rotate_small({0, r, 0}, {0, 0, 10}) == (Vector{3, 0, 9}));

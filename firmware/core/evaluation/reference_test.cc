@@ -20,8 +20,8 @@
 namespace armtrue {
 namespace {
 
-// Largest difference from the right correction of any joint, 2^-32 turn or metre (1.5 nrad, 0.23
-// nm).
+// `permitted`: the largest difference from the exact correction of any joint, 2^-32 turn or metre
+// (1.5 nrad, 0.23 nm).
 struct Arm {
   const char* file;
   std::int64_t permitted;
@@ -30,8 +30,8 @@ struct Arm {
 
 void PrintTo(const Arm& arm, std::ostream* out) { *out << arm.file; }
 
-// Where as many coordinates are held as there are joints, or the joints alone are corrected, one
-// correction is right: rounding is left.
+// If as many tool coordinates are held as there are joints, or only joint errors are corrected, the
+// correction is unique and only rounding differs.
 constexpr std::int64_t kRounding = 200;
 // With fewer coordinates held than there are joints, many corrections bring the tool to the same
 // point. The reference and the firmware take the shortest one by Jacobians at slightly different

@@ -1,4 +1,4 @@
-// Values of single slots, of which a correction shows only sums.
+// Values of single slots; a correction shows only their sums.
 #include "firmware/core/evaluation/terms.h"
 
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@
 namespace armtrue {
 namespace {
 
-TEST(TermsTest, TheConstantOne_IsInSlotZero_AndSignsAreWhole) {
+TEST(TermsTest, SlotZero_IsOne_SignNodeIsPlusMinusOneOrZero) {
   tests::TestImage made(3);
   made.add_state(format::State::kDirection, 0, 30);
   tests::Bytes sign = {static_cast<std::uint8_t>(format::Node::kSign), 0, 0, 0, 1};
@@ -46,7 +46,7 @@ tests::Bytes with_payload_node(tests::Bytes node) {
   return made.image();
 }
 
-TEST(TermsTest, ASum_ShiftsUpAndDown) {
+TEST(TermsTest, SumNode_ShiftsItsPartsUpAndDown) {
   const tests::Bytes image =
       with_payload_node({static_cast<std::uint8_t>(format::Node::kSum), 0xFF, 2, 0, 1, 0, 1, 0});
   ASSERT_TRUE(validate(image, {}).accepted());
@@ -57,7 +57,7 @@ TEST(TermsTest, ASum_ShiftsUpAndDown) {
   EXPECT_EQ(work->slots[2], 2 * 100 + 100 / 4);
 }
 
-TEST(TermsTest, ASum_ShiftsEachPartBy31AtMost) {
+TEST(TermsTest, SumNode_ShiftOfMoreThan31_IsRefused) {
   for (const int shift : {-31, 31, -32, 32}) {
     const Refusal refusal = shift % 31 == 0 ? Refusal::kNone : Refusal::kValueRange;
     const auto bits = static_cast<std::uint8_t>(shift);
@@ -70,7 +70,7 @@ TEST(TermsTest, ASum_ShiftsEachPartBy31AtMost) {
   }
 }
 
-TEST(TermsTest, TheFirstSteepTerm_IsOfAMotorToo) {
+TEST(TermsTest, FirstSteepTerm_OnALink_IsRefused) {
   for (const std::uint8_t coordinate :
        {std::uint8_t{1}, std::uint8_t{format::kMotorCoordinates + 6}}) {
     tests::TestImage made(3);
@@ -82,7 +82,7 @@ TEST(TermsTest, TheFirstSteepTerm_IsOfAMotorToo) {
   }
 }
 
-TEST(TermsTest, APowerOfTwo_ThatNoSlotHolds_IsMarked) {
+TEST(TermsTest, PowerOfTwo_BeyondASlotsRange_IsFlagged) {
   tests::Bytes power = {static_cast<std::uint8_t>(format::Node::kPowerOfTwo), 20, 0, 0, 1, 0, 0, 0};
   tests::append(power, std::int32_t{20});
   const tests::Bytes image = with_payload_node(std::move(power));
@@ -100,7 +100,7 @@ TEST(TermsTest, APowerOfTwo_ThatNoSlotHolds_IsMarked) {
   }
 }
 
-TEST(TermsTest, Payload_IsInKilogramsOf20Bits) {
+TEST(TermsTest, PayloadOfGrams_IsInKilogramsTimes2To20) {
   EXPECT_EQ(payload_of_grams(0), 0);
   EXPECT_EQ(payload_of_grams(1000), 1 << 20);
   EXPECT_EQ(payload_of_grams(-1000), -(1 << 20));
@@ -115,7 +115,7 @@ TEST(TermsTest, SteepSums_BeginAtZero) {
   for (const Coordinate& sum : steep) EXPECT_EQ(sum.raw, 0);
 }
 
-TEST(TermsTest, ConstantOfTheTool_StandsInItsCoordinates) {
+TEST(TermsTest, ToolConstant_ChangesOnlyItsCoordinate) {
   tests::TestImage made(3);
   made.add_constant(static_cast<std::uint8_t>(format::kToolCoordinates + 1), 1e-3);
   const tests::Bytes image = made.image();
@@ -124,7 +124,7 @@ TEST(TermsTest, ConstantOfTheTool_StandsInItsCoordinates) {
   const auto work = std::make_unique<TermWorkspace>();
   begin_terms(table, {}, *work);
   Coordinates coordinates;
-  coordinates.fill({7});  // of a cycle before
+  coordinates.fill({7});  // left from the previous cycle
   evaluate_smooth_terms(table, {}, {}, {}, *work, coordinates);
   for (std::size_t c = format::kToolCoordinates; c < format::kCoordinates; ++c) {
     const bool is_it = c == format::kToolCoordinates + 1;
@@ -132,7 +132,7 @@ TEST(TermsTest, ConstantOfTheTool_StandsInItsCoordinates) {
   }
 }
 
-TEST(TermsTest, WavesAndHarmonics_MoveTheirFramesAlone) {
+TEST(TermsTest, WaveOrHarmonic_MovesOnlyItsFrame) {
   tests::TestImage made(3);
   tests::Bytes wave = {format::kMotorCoordinates + 6 * 2};
   wave.resize(format::slow_wave::kLength);

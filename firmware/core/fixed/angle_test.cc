@@ -13,7 +13,7 @@ double exact(std::uint32_t raw) { return std::sin(std::ldexp(raw, -32) * 2.0 * M
 
 double error(std::uint32_t raw) { return std::abs(std::ldexp(sine({raw}).raw, -30) - exact(raw)); }
 
-TEST(AngleTest, SineStaysWithinItsBoundAllRound) {
+TEST(AngleTest, SineError_OverAWholeTurn_StaysWithinItsBound) {
   double worst = 0.0;
   // An odd stride meets every part of the range; `./dev bench` goes through all 2^32.
   for (std::uint64_t raw = 0; raw < (std::uint64_t{1} << 32); raw += 1021) {
@@ -22,7 +22,7 @@ TEST(AngleTest, SineStaysWithinItsBoundAllRound) {
   EXPECT_LT(worst, kBound);
 }
 
-TEST(AngleTest, QuadrantBordersAreExact) {
+TEST(AngleTest, QuadrantBorders_AreWithinTwoUnits) {
   EXPECT_EQ(sine({0}).raw, 0);
   EXPECT_EQ(sine({0x80000000U}).raw, 0);
   EXPECT_NEAR(sine({0x40000000U}).raw, kRatioOne.raw, 2);
@@ -39,7 +39,7 @@ TEST(AngleTest, SineIsOddAndContinuousAcrossTheWrap) {
   }
 }
 
-TEST(AngleTest, SquaresAddUpToOne) {
+TEST(AngleTest, SquaresOfSineAndCosine_AddUpToOne) {
   for (std::uint64_t raw = 0; raw < (std::uint64_t{1} << 32); raw += 65537 * 3) {
     const BinaryAngle angle = {static_cast<std::uint32_t>(raw)};
     const double s = std::ldexp(sine(angle).raw, -30);

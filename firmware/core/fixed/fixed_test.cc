@@ -16,7 +16,7 @@ TEST(FixedTest, ShiftRoundsToNearest) {
   EXPECT_EQ(round_shift(std::int64_t{1} << 62, 62), 1);
 }
 
-TEST(FixedTest, RoundingHasNoBias) {
+TEST(FixedTest, RoundShift_IsBiasedByTiesOnly) {
   std::int64_t sum = 0;
   for (std::int64_t x = -4096; x < 4096; ++x) sum += round_shift(x, 4) * 16 - x;
   // Ties go up: half a unit of the last place in 1 of 16, which is 1/32 on average.
@@ -29,7 +29,7 @@ TEST(FixedTest, Saturates) {
   EXPECT_EQ(saturate(-17), -17);
 }
 
-TEST(FixedTest, HighProductsRoundAndFloor) {
+TEST(FixedTest, RoundHigh_RoundsToNearest_High_RoundsDown) {
   EXPECT_EQ(round_high(1 << 30, 3), 1);  // 0.75
   EXPECT_EQ(round_high(-(1 << 30), 3), -1);
   EXPECT_EQ(high(-(1 << 30), 3), -1);  // floor of -0.75
@@ -51,7 +51,7 @@ TEST(FixedTest, ReciprocalIsGoodTo27Bits) {
   EXPECT_LT(worst, std::ldexp(1.0, -27));
 }
 
-TEST(FixedTest, CoordinatesSaturateOnceAndSayso) {
+TEST(FixedTest, AddTo_BeyondTheLimit_SaturatesAndReturnsTrue) {
   Coordinate sum = {kMaxCoordinate - 5};
   EXPECT_FALSE(add_to(sum, 5));
   EXPECT_TRUE(add_to(sum, 1));

@@ -1,4 +1,4 @@
-// Tables that are in order and mean nothing, a few hundred; senseless_main.cc runs ten thousand.
+// A few hundred random tables that are well formed but mean nothing; senseless_main.cc runs 10 000.
 #include <gtest/gtest.h>
 
 #include "firmware/core/senseless/senseless_run.h"
@@ -8,7 +8,7 @@
 namespace armtrue {
 namespace {
 
-TEST(SenselessTableTest, AnyTable_StaysWithinTheMaxima) {
+TEST(SenselessTableTest, RandomTable_StaysWithinTheMaxima) {
   int taken = 0;
   tests::Bytes outputs;
   for (std::uint64_t seed = 0; seed < 400; ++seed) {
@@ -17,14 +17,14 @@ TEST(SenselessTableTest, AnyTable_StaysWithinTheMaxima) {
     taken += run.accepted ? 1 : 0;
     outputs.insert(outputs.end(), run.outputs.begin(), run.outputs.end());
   }
-  // Changes only with a decision, as the checksums of reference_test.cc (the last: 0077).
+  // Changes only with a decision, as the checksums of reference_test.cc (latest: 0077).
   EXPECT_EQ(crc32(outputs), 0xCC029501U) << std::hex << crc32(outputs);
-  // A generator whose tables are refused tests nothing, one whose tables all pass meets no limit.
+  // If all tables were refused, nothing would be tested; if none were, no limit would be reached.
   EXPECT_GT(taken, 200);
   EXPECT_LT(taken, 380);
 }
 
-TEST(SenselessTableTest, RefusedTables_AreRefusedForManyReasons) {
+TEST(SenselessTableTest, RandomTables_ReachSeveralRefusals) {
   std::array<int, 32> seen = {};
   tests::Bytes verdicts;
   for (std::uint64_t seed = 0; seed < 2000; ++seed) {
@@ -35,7 +35,7 @@ TEST(SenselessTableTest, RefusedTables_AreRefusedForManyReasons) {
     tests::append(verdicts, static_cast<std::uint32_t>(validation.field));
     if (validation.accepted()) tests::append(verdicts, cycle_cost(image));
   }
-  // Reasons, places and costs, which people and tools are told: they change only with a decision.
+  // Refusals, fields and costs are reported to users and tools: they change only with a decision.
   EXPECT_EQ(crc32(verdicts), 0x6FC846E1U) << std::hex << crc32(verdicts);
   for (const Refusal refusal :
        {Refusal::kNone, Refusal::kBadReference, Refusal::kValueRange, Refusal::kTooCostly}) {

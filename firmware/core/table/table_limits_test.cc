@@ -1,5 +1,5 @@
-// What a signed table may not ask for: scales that leave the maxima, rates that never arrive,
-// couplings beyond the solver's range.
+// Limits that even a signed table must keep: scales whose corrections exceed the maxima, rates too
+// low to end a fade, couplings beyond the solver's range.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -41,8 +41,8 @@ TestImage with_scale(std::int32_t u, std::uint8_t s, std::int32_t v, std::uint8_
 Refusal refusal_of(const Bytes& image) { return validate(image, {}).refusal; }
 
 TEST(TableScaleTest, Scale_LargestMantissa_IsRefused) {
-  // The issue's table: the way back alone is changed, and a correction of 0.05 turn becomes a step
-  // of 2^31 increments that no limit of the table sees.
+  // The table of the issue: only the scale back to increments is changed, so a correction of 0.05
+  // turn becomes a step of 2^31 increments, which no limit of the table prevents.
   const Bytes image = with_joint_field(0, format::joint::kIncrementPerUnitAt,
                                        std::numeric_limits<std::int32_t>::max());
   const Validation validation = validate(image, {});
@@ -51,7 +51,7 @@ TEST(TableScaleTest, Scale_LargestMantissa_IsRefused) {
             format::joint::kIncrementPerUnitAt);
 }
 
-TEST(TableScaleTest, Scale_OtherShiftOrSign_IsRefused) {
+TEST(TableScaleTest, Scale_InconsistentShiftOrSign_IsRefused) {
   EXPECT_EQ(refusal_of(with_joint_field(1, format::joint::kIncrementShiftAt, std::uint8_t{37})),
             Refusal::kScale);
   EXPECT_EQ(refusal_of(with_joint_field(1, format::joint::kIncrementShiftAt, std::uint8_t{39})),
@@ -61,7 +61,7 @@ TEST(TableScaleTest, Scale_OtherShiftOrSign_IsRefused) {
   EXPECT_EQ(refusal_of(with_scale(-(1 << 30), 22, -(1 << 30), 38).image()), Refusal::kNone);
 }
 
-TEST(TableScaleTest, Scale_RoundedMantissas_AreTaken) {
+TEST(TableScaleTest, Scale_RoundedMantissas_AreAccepted) {
   // 3 000 000 increments a turn, mantissas of 30 bits as the exporter rounds them.
   const std::int32_t u = 750599938;  // 2^32 / 3e6 · 2^19
   const std::int32_t v = 768000000;  // 3e6 / 2^32 · 2^40
@@ -78,14 +78,14 @@ TEST(TableScaleTest, Scale_CoarserThan16OrFinerThan2To31_IsRefused) {
   EXPECT_EQ(refusal_of(with_scale(1 << 30, 30, 1 << 30, 30).image()), Refusal::kScale);
 }
 
-TEST(TableScaleTest, SmallestShifts_AreTaken_NoneIsRefused) {
+TEST(TableScaleTest, ShiftOfOne_IsAccepted_ShiftOfZero_IsRefused) {
   EXPECT_EQ(refusal_of(with_scale(2048, 1, 1 << 20, 30).image()), Refusal::kNone);
   EXPECT_EQ(refusal_of(with_scale(1024, 0, 1 << 20, 30).image()), Refusal::kValueRange);
   EXPECT_EQ(refusal_of(with_scale(1 << 20, 19, 1, 1).image()), Refusal::kNone);
   EXPECT_EQ(refusal_of(with_scale(1 << 20, 20, 1, 0).image()), Refusal::kValueRange);
 }
 
-TEST(TableRateTest, Rate_ThatRoundsToNothingInACycle_IsRefused) {
+TEST(TableRateTest, RateBelowTheMinimum_IsRefused) {
   for (const std::int32_t rate : {0, 1, 999, 1000, kMinRate - 1}) {
     const Validation validation =
         validate(with_joint_field(1, format::joint::kRateAt, rate), DeviceIdentity{});
@@ -96,7 +96,7 @@ TEST(TableRateTest, Rate_ThatRoundsToNothingInACycle_IsRefused) {
   EXPECT_EQ(refusal_of(with_joint_field(1, format::joint::kRateAt, kMinRate)), Refusal::kNone);
 }
 
-TEST(TableRateTest, SlowestRate_StillEndsItsFade) {
+TEST(TableRateTest, LowestRate_FadeEnds) {
   TestImage made(3);
   made.add_constant(0, -1e-5);
   put(made.section(format::Section::kJoints), format::joint::kRateAt, kMinRate);
@@ -142,14 +142,14 @@ TEST(TableCouplingTest, Ratios_BeyondTheSolversRange_AreRefused) {
             Refusal::kValueRange);
 }
 
-TEST(TableCouplingTest, EntryTwice_IsRefused) {
+TEST(TableCouplingTest, DuplicateEntry_IsRefused) {
   EXPECT_EQ(refusal_of(with_coupling({{2, 1, kOne}, {2, 1, kOne}}).image()),
             Refusal::kBadReference);
   EXPECT_EQ(refusal_of(with_coupling({{2, 1, kOne}, {1, 2, kOne}}).image()), Refusal::kNone);
   EXPECT_EQ(refusal_of(with_coupling({{2, 1, kOne}, {2, 0, kOne}}).image()), Refusal::kNone);
 }
 
-TEST(TableCouplingTest, PlacesOfEightJoints_AreTheirOwn) {
+TEST(TableCouplingTest, EntriesOfEightJoints_AreNotTakenForDuplicates) {
   TestImage made(8);
   for (const std::array<std::uint8_t, 2> place : {std::array<std::uint8_t, 2>{0, 5}, {7, 6}}) {
     Bytes record = {place[0], place[1], 0, 0};
@@ -159,7 +159,7 @@ TEST(TableCouplingTest, PlacesOfEightJoints_AreTheirOwn) {
   EXPECT_EQ(refusal_of(made.image()), Refusal::kNone);
 }
 
-TEST(TableCouplingTest, JointThatSlides_IsRefusedOnEitherSide) {
+TEST(TableCouplingTest, PrismaticJoint_OnEitherSide_IsRefused) {
   for (const std::size_t slides : {1, 2}) {
     TestImage made = with_coupling({{2, 1, kOne}});
     made.section(
@@ -183,7 +183,7 @@ TEST(TableSensorTest, Reference_LiesBetweenMinus300And1000Degrees) {
   EXPECT_EQ(with_reference(1'000'000), Refusal::kValueRange);
 }
 
-TEST(TableMassTest, TorqueOfMassesThatAreNotThere_IsPointedAt) {
+TEST(TableMassTest, TorqueWithoutAMassSet_ReportsItsSetField) {
   TestImage made(3);
   made.add_state(format::State::kTorque, 1, 27);
   const Bytes image = made.image();
@@ -193,7 +193,7 @@ TEST(TableMassTest, TorqueOfMassesThatAreNotThere_IsPointedAt) {
             static_cast<std::uint8_t>(format::State::kTorque));
 }
 
-TEST(TableMassTest, UnknownFlag_IsPointedAt) {
+TEST(TableMassTest, UnknownFlag_ReportsItsField) {
   TestImage made(3);
   Bytes set(record_length(format::Section::kMassSets, 3));
   set[format::mass_set::kFlagsAt] = 0x80;
@@ -205,7 +205,7 @@ TEST(TableMassTest, UnknownFlag_IsPointedAt) {
   EXPECT_EQ(image[validation.field], 0x80);
 }
 
-TEST(TableMassTest, LoadsOfAllSets_ActAtTheSamePlace) {
+TEST(TableMassTest, MassSets_DifferingInActsAtCommand_AreRefused) {
   const auto with_flags = [](std::uint8_t first, std::uint8_t second) {
     TestImage made(3);
     Bytes sets(2 * record_length(format::Section::kMassSets, 3));
@@ -222,7 +222,7 @@ TEST(TableMassTest, LoadsOfAllSets_ActAtTheSamePlace) {
   EXPECT_EQ(with_flags(0, kAtCommand), Refusal::kValueRange);
 }
 
-TEST(TableMassTest, Fraction_LiesWithin30OfAPayload_And60OfOthers) {
+TEST(TableMassTest, Fraction_Above60_OrAbove30WithPayload_IsRefused) {
   const auto with_fraction = [](std::uint8_t fraction, std::uint8_t flags) {
     TestImage made(3);
     Bytes set(record_length(format::Section::kMassSets, 3));
@@ -238,7 +238,7 @@ TEST(TableMassTest, Fraction_LiesWithin30OfAPayload_And60OfOthers) {
   EXPECT_EQ(with_fraction(31, format::mass_set::kCarriesPayload), Refusal::kValueRange);
 }
 
-TEST(TableWaveTest, JointThatIsNotThere_IsRefused) {
+TEST(TableWaveTest, WaveOfAMissingJoint_IsRefused) {
   const auto with_wave = [](std::uint8_t joint) {
     TestImage made(3);
     Bytes wave = {0, joint};
@@ -250,7 +250,7 @@ TEST(TableWaveTest, JointThatIsNotThere_IsRefused) {
   EXPECT_EQ(with_wave(3), Refusal::kBadReference);
 }
 
-TEST(TableWaveTest, SixtyFour_AreTaken_OneMoreIsRefused) {
+TEST(TableWaveTest, SixtyFourWaves_AreAccepted_OneMoreIsRefused) {
   TestImage made(3);
   for (std::size_t i = 0; i < kMaxSlowWaves; ++i) {
     made.add(format::Section::kSlowWaves, Bytes(format::slow_wave::kLength));
@@ -260,7 +260,7 @@ TEST(TableWaveTest, SixtyFour_AreTaken_OneMoreIsRefused) {
   EXPECT_EQ(refusal_of(made.image()), Refusal::kTooManyRecords);
 }
 
-TEST(TableGridTest, NodesOfAllAxes_AreCountedBeforeTheirValuesAreLookedFor) {
+TEST(TableGridTest, TooManyNodes_AreRefusedBeforeMissingValues) {
   const auto with_nodes = [](std::uint16_t first, std::uint16_t second) {
     TestImage made(3);
     made.add_state(format::State::kMotor, 0, format::kPositionFraction);
@@ -278,16 +278,16 @@ TEST(TableGridTest, NodesOfAllAxes_AreCountedBeforeTheirValuesAreLookedFor) {
     made.add(format::Section::kNodes, node);
     return refusal_of(made.image());
   };
-  // 8192 nodes are allowed: what is missed is their values, which this image has none of.
+  // 8192 nodes are permitted; this image is refused because it has no values for them.
   EXPECT_EQ(with_nodes(2, 4096), Refusal::kBadReference);
   EXPECT_EQ(with_nodes(2, 4097), Refusal::kTooManyRecords);
 }
 
-TEST(TableGridTest, StepOfNothing_IsRefused_AndPointedAt) {
+TEST(TableGridTest, StepOfZero_IsRefused_ReportsItsField) {
   TestImage made(3);
   made.add_table(0, -1.0, 0.5, {1e-4, 2e-4, 3e-4}, 24);
   constexpr std::size_t kInverseStepAt =
-      16;  // behind the grid's head, one axis's and its first node
+      16;  // after the grid's header, the axis's header and first node
   put(made.section(format::Section::kData), kInverseStepAt, std::uint32_t{0});
   const Bytes image = made.image();
   const Validation validation = validate(image, {});
@@ -321,10 +321,10 @@ TEST(TableCouplingTest, PositionsAtTheEndsOfTheirRange_DoNotOverflow) {
   }
 }
 
-// One kind of record after the other, so that each weight is seen: the count with one more of it.
+// The cost of a table. The tests add one kind of record at a time, to check the weight of each.
 std::uint32_t cost_with(TestImage made) { return cycle_cost(made.image()); }
 
-TEST(TableCostTest, Arm_CountsItsJointsAndAttitude) {
+TEST(TableCostTest, ArmCost_DependsOnJointsAndFullPose) {
   EXPECT_EQ(cost_with(TestImage(3)), 4400U + 3 * 1595U + 15U);
   EXPECT_EQ(cost_with(TestImage(4)), 4400U + 4 * 1595U + 15U);
   TestImage pose(3);
@@ -332,7 +332,7 @@ TEST(TableCostTest, Arm_CountsItsJointsAndAttitude) {
   EXPECT_EQ(cost_with(pose), 9200U + 3 * 2060U + 15U);
 }
 
-TEST(TableCostTest, Parts_CountAsOftenAsACycleGoesThroughThem) {
+TEST(TableCostTest, TermsAndHarmonics_CountOncePerEvaluation) {
   const std::uint32_t arm = cost_with(TestImage(3));
   TestImage terms(3);
   for (int i = 0; i < 6; ++i) terms.add_term(1, 0, 1e-3, 30);
@@ -349,7 +349,7 @@ TEST(TableCostTest, Parts_CountAsOftenAsACycleGoesThroughThem) {
   EXPECT_EQ(cycle_cost(image), arm + (3 * 3 + 2) * 62U);
 }
 
-TEST(TableCostTest, Frame_CountsOnceHoweverManyActOnIt) {
+TEST(TableCostTest, FrameWithSeveralTerms_CountsOnce) {
   const std::uint32_t arm = cost_with(TestImage(3));
   TestImage made(3);
   made.add_constant(8 + 6, 1e-3);
@@ -360,18 +360,18 @@ TEST(TableCostTest, Frame_CountsOnceHoweverManyActOnIt) {
   EXPECT_EQ(cost_with(made), arm + 3 * 300U + 3 * 22U + 2 * 62U);
 }
 
-TEST(TableCostTest, Line_CountsItsVariableNodeAndTerm) {
+TEST(TableCostTest, Line_CountsItsStateVariableNodeAndTerm) {
   const std::uint32_t arm = cost_with(TestImage(3));
   TestImage made(3);
   made.add_table(0, -1.0, 0.5, {1e-4, 2e-4, 3e-4}, 24);
   EXPECT_EQ(cost_with(made), arm + 3 * 44U + 2 * 115U + 2 * 22U);
 }
 
-TEST(TableCostTest, Coupling_CountsOnceACycle) {
+TEST(TableCostTest, Coupling_CountsOncePerCycle) {
   EXPECT_EQ(cost_with(with_coupling({{2, 1, kOne}, {0, 1, kOne}})), cost_with(TestImage(3)) + 480U);
 }
 
-TEST(TableCostTest, Torque_CountsItself_OnceItsMassSet_AndItsCouplings) {
+TEST(TableCostTest, Torques_CountTheirMassSetOnce_AndTheirCouplings) {
   constexpr std::uint32_t kFirst = 60U + 3 * 50U + 90U + 3 * 80U;  // gravity's vectors, the masses
   TestImage made(3);
   made.add_state(format::State::kTorque, 0, 27);
@@ -394,7 +394,7 @@ TEST(TableCostTest, TorqueAtTheCommand_CountsTwice) {
   EXPECT_EQ(cost_with(made), cost_with(TestImage(3)) + 2 * kPass);
 }
 
-TEST(TableCostTest, Table_OfJustTheBudget_IsTaken) {
+TEST(TableCostTest, TableAtTheBudget_IsAccepted) {
   TestImage made(3);
   made.add_constant(1, 1e-3);
   made.add_constant(2, 1e-3);
@@ -404,7 +404,7 @@ TEST(TableCostTest, Table_OfJustTheBudget_IsTaken) {
   EXPECT_EQ(refusal_of(made.image()), Refusal::kNone);
 }
 
-TEST(TableCostTest, Table_AboveTheBudget_IsRefusedByItsOwnReason) {
+TEST(TableCostTest, TableAboveTheBudget_IsRefusedAsTooCostly) {
   TestImage made(3);
   for (int i = 0; i < 192; ++i) made.add_harmonic(1, 1, 2.0, 0.0, 1e-4);
   const std::uint32_t waves = cost_with(made);
@@ -417,7 +417,7 @@ TEST(TableCostTest, Table_AboveTheBudget_IsRefusedByItsOwnReason) {
   EXPECT_STREQ(name_of(Refusal::kTooCostly), "too much work for a control cycle");
 }
 
-// Joint 2 of three without a drive, turned by joint 0.
+// Joint 2 of three has no drive and is turned by joint 0.
 TestImage with_passive_joint() {
   TestImage made(3);
   made.section(format::Section::kJoints)[2 * format::joint::kLength + format::joint::kFlagsAt] =
@@ -428,7 +428,7 @@ TestImage with_passive_joint() {
   return made;
 }
 
-TEST(TablePassiveTest, WhatAMotorWouldHaveToDo_IsRefused) {
+TEST(TablePassiveTest, PassiveJoint_DrivingOrWithSteepTerms_IsRefused) {
   EXPECT_EQ(refusal_of(with_passive_joint().image()), Refusal::kNone);
   TestImage drives = with_passive_joint();
   drives.section(format::Section::kCoupling)[format::coupling::kRowAt] = 1;
@@ -442,7 +442,7 @@ TEST(TablePassiveTest, WhatAMotorWouldHaveToDo_IsRefused) {
   EXPECT_EQ(refusal_of(smooth.image()), Refusal::kValueRange);
 }
 
-TEST(TablePassiveTest, Output_IsItsTarget_WhateverActsOnIt) {
+TEST(TablePassiveTest, PassiveJointOutput_EqualsItsTarget) {
   TestImage made = with_passive_joint();
   for (std::uint8_t k = 0; k < 3; ++k) made.add_constant(k, 2e-3);
   const Bytes image = made.image();
@@ -457,7 +457,7 @@ TEST(TablePassiveTest, Output_IsItsTarget_WhateverActsOnIt) {
   EXPECT_EQ(output.state, CompensatorState::kActive);
   EXPECT_NE(output.corrected[0], input.target[0]);
   EXPECT_EQ(output.corrected[2], input.target[2]);
-  // Nor does it matter what its axis is told.
+  // The passive joint's target does not affect the correction.
   input.target[2] = -7'000'000;
   const CycleOutput other = compensator.cycle(input);
   EXPECT_EQ(other.delta, output.delta);

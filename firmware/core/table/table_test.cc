@@ -1,4 +1,4 @@
-// What a device refuses, each with its own reason, and that nothing altered passes.
+// Tables that a device refuses, each with its own reason; no altered image is accepted.
 #include "firmware/core/table/table.h"
 
 #include <gtest/gtest.h>
@@ -45,7 +45,7 @@ DeviceIdentity with_key(const std::array<std::uint8_t, 32>& seed) {
   return device;
 }
 
-TEST(TableTest, AcceptsWhatItIsFor) {
+TEST(TableTest, TableForThisRobot_IsAccepted) {
   const Bytes image = full_image().image();
   EXPECT_EQ(validate(image, any_device()).refusal, Refusal::kNone);
   DeviceIdentity device = bound_to("ROBOT-7");
@@ -65,7 +65,7 @@ TEST(TableTest, RefusesAnotherRobotAndAnotherJointCount) {
   EXPECT_EQ(validation.field, format::header::kJointCountAt);
 }
 
-TEST(TableTest, BaseRecord_Once_IsTaken_Twice_IsRefused) {
+TEST(TableTest, BaseRecord_OnceIsAccepted_TwiceIsRefused) {
   TestImage made(3);
   made.section(format::Section::kBase).resize(format::base::kLength);
   EXPECT_EQ(validate(made.image(), any_device()).refusal, Refusal::kNone);
@@ -73,7 +73,7 @@ TEST(TableTest, BaseRecord_Once_IsTaken_Twice_IsRefused) {
   EXPECT_EQ(validate(made.image(), any_device()).refusal, Refusal::kTooManyRecords);
 }
 
-TEST(TableTest, SteepHarmonics_AreOfMotors_OthersOfAnyCoordinate) {
+TEST(TableTest, SteepHarmonic_OnALink_IsRefused) {
   TestImage made(3);
   made.add_harmonic(0, 1, 1.0, 0.25, 1e-4);
   made.add_harmonic(format::kMotorCoordinates + 6, 1, 1.0, 0.25, 1e-4);
@@ -83,13 +83,13 @@ TEST(TableTest, SteepHarmonics_AreOfMotors_OthersOfAnyCoordinate) {
   EXPECT_EQ(validate(made.image(), any_device()).refusal, Refusal::kValueRange);
 }
 
-TEST(TableTest, ASectionThatComesTwice_IsRefusedAtItsSecondEntry) {
+TEST(TableTest, DuplicateSection_IsRefusedAtItsSecondEntry) {
   TestImage made(3);
   made.add(format::Section::kNodes, Bytes(format::node::kLength));
   made.add_harmonic(1, 1, 1.0, 0.25, 1e-4);
   Bytes image = made.image();
   const std::size_t entry = format::header::kLength + 4 * format::kDirectoryEntryLength;
-  // Where kHarmonics belongs.
+  // In the place of kHarmonics.
   put(image, entry, static_cast<std::uint16_t>(format::Section::kNodes));
   mend_checksum(image);
   const Validation validation = validate(image, any_device());
@@ -97,7 +97,7 @@ TEST(TableTest, ASectionThatComesTwice_IsRefusedAtItsSecondEntry) {
   EXPECT_EQ(validation.field, entry);
 }
 
-TEST(TableTest, WithoutJointsToolsOrStateVariables_IsRefusedAsIncomplete) {
+TEST(TableTest, TableWithoutJointsToolsOrState_IsRefused) {
   for (const format::Section kind :
        {format::Section::kJoints, format::Section::kTools, format::Section::kState}) {
     TestImage made(3);
@@ -124,7 +124,7 @@ TEST(TableTest, SignaturesBindTheImageToTheKey) {
   EXPECT_TRUE(validate(made, any_device()).accepted());
   EXPECT_EQ(validate(plain, with_key(kSeed)).refusal, Refusal::kUnsigned);
   EXPECT_EQ(validate(made, with_key(kOtherSeed)).refusal, Refusal::kSignature);
-  Bytes forged = made;  // a limit raised, and the checksum put right again
+  Bytes forged = made;  // a limit raised, and the checksum corrected
   put(forged, format::header::kLength + 5 * 8 + format::joint::kMagnitudeAt, std::int32_t{1} << 30);
   mend_checksum(forged);
   EXPECT_EQ(validate(forged, with_key(kSeed)).refusal, Refusal::kSignature);
@@ -154,18 +154,18 @@ TEST(TableTest, EveryTruncationAndExtensionIsRefused) {
   EXPECT_EQ(validate(longer, any_device()).refusal, Refusal::kLength);
 }
 
-// A field changed in an otherwise sound image, checksum put right: the reason, and where it points.
+// A field changed in a valid image with corrected checksum; the expected refusal and its field.
 struct BadField {
   const char* name;
   std::size_t at;
   std::uint8_t value;
   Refusal refusal;
-  int begin = 0;  // where the field begins that it points at, from `at`
+  int begin = 0;  // start of the reported field, relative to `at`
 };
 
 class BadFieldTest : public ::testing::TestWithParam<BadField> {};
 
-TEST_P(BadFieldTest, IsRefusedByName) {
+TEST_P(BadFieldTest, IsRefused_WithReasonAndField) {
   Bytes image = full_image().image();
   const std::uint8_t before = image[GetParam().at];
   ASSERT_NE(before, GetParam().value);

@@ -5,7 +5,7 @@
 namespace armtrue::ports {
 namespace {
 
-TEST(BitTiming, GivesTheExactRateAtEveryStandardSpeed) {
+TEST(BitTiming, StandardRates_AreExact_SamplePointIsInRange) {
   for (const std::uint32_t clock : {42'000'000U, 100'000'000U, 24'000'000U}) {
     // The bit rates of CiA 301, table 1.
     for (const std::uint32_t rate : {1'000'000U, 500'000U, 250'000U, 125'000U}) {
@@ -21,7 +21,7 @@ TEST(BitTiming, GivesTheExactRateAtEveryStandardSpeed) {
   }
 }
 
-TEST(BitTiming, RefusesWhatDoesNotDivide) {
+TEST(BitTiming, RateThatTheClockCannotGive_IsRefused) {
   EXPECT_EQ(bit_timing(42'000'000, 999'999).prescaler, 0U);
   EXPECT_EQ(bit_timing(1'000'000, 1'000'000).prescaler, 0U);
 }

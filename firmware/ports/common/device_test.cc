@@ -1,4 +1,4 @@
-// When the watchdog is fed: by a joint path that is supervised, and by nothing else.
+// The watchdog is fed only while the joint path is supervised in time.
 #include "firmware/ports/common/device.h"
 
 #include <gtest/gtest.h>
@@ -20,7 +20,7 @@ class WatchdogTest : public testing::Test {
  protected:
   WatchdogTest() { device_.start(); }
 
-  // One turn at the present time; whether it fed the watchdog.
+  // Runs one turn at the present time. Returns whether it fed the watchdog.
   bool turn() {
     bool fed = false;
     goes_on_ = device_.turn([&fed] { fed = true; });
@@ -40,7 +40,7 @@ class WatchdogTest : public testing::Test {
     upstream_.deliver(make_frame(0, {1, 0}));
     turn_after(kMillisecond);
   }
-  // A cycle of a millisecond; whether its set went on to the drives and the watchdog was fed.
+  // Runs a cycle of 1 ms. Returns whether its set reached the drives and the watchdog was fed.
   bool cycle(std::int32_t position) {
     upstream_.deliver(make_frame(0x80, {}));
     const std::array<std::int32_t, 6> joints = {position, position, position,
@@ -61,7 +61,7 @@ class WatchdogTest : public testing::Test {
  private:
   storage::SimulatedFlash flash_{kMaxImageLength + storage::kHeaderBytes, 1};
   canopen::MemoryParameters parameters_;
-  // Outlives the device, as in an image.
+  // Outlives the device, as in a firmware image.
   const DeviceSettings settings_{.identity = {.robot_serial = {}, .joint_count = 6},
                                  .node_id = NodeBench::kNodeId,
                                  .serial_number = 1,
@@ -89,7 +89,7 @@ TEST_F(WatchdogTest, IsNotFedByATurnThatComesLate) {
   }
 }
 
-TEST_F(WatchdogTest, WhatThePortKnowsOfItsStart_CanBeRead) {
+TEST_F(WatchdogTest, Object2040_ReportsThePortsHealth) {
   turn();
   turn_after(kMillisecond);
   upstream_.take_sent();
@@ -110,7 +110,7 @@ TEST_F(WatchdogTest, WhatThePortKnowsOfItsStart_CanBeRead) {
   EXPECT_EQ(read(9), 3U);
 }
 
-TEST_F(WatchdogTest, IsNotFedByATurnThatAResetCutShort) {
+TEST_F(WatchdogTest, IsNotFedByATurnWithAnNmtReset) {
   turn();
   ASSERT_TRUE(turn_after(kMillisecond));
   upstream_.deliver(make_frame(0, {130, 0}));

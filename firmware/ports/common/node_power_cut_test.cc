@@ -1,6 +1,6 @@
-// Power is cut at every flash operation while a table is uploaded through the node's own objects,
-// the arm standing; what reaches the drives after the restart is, cycle by cycle, what the old or
-// the new table gives, and begins with what the drives have held all the while.
+// Cuts power at every flash operation of a table upload through the node's objects, while the arm
+// stands. After the restart the drives get, cycle by cycle, the output of the old or of the new
+// table, starting from the correction that the drives held throughout.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -20,10 +20,10 @@ using storage::CutKind;
 using storage::PowerCut;
 using Outputs = std::vector<std::array<std::int32_t, 6>>;
 
-// Beyond the blending of either table, and in offset mode the 0.1 s that the arm has to stand.
+// Longer than the blending of either table, and in offset mode the 0.1 s that the arm must stand.
 constexpr int cycles_of(Mode mode) { return mode == Mode::kInline ? 60 : 170; }
 
-// Increments: blending 20 ms from one end of what the tables permit to the other.
+// Increments. The largest step is that of a 20 ms blend from one limit of the tables to the other.
 constexpr std::int32_t kPermitted = 100;
 constexpr std::int32_t kMagnitude = kPermitted << 12;
 constexpr std::int32_t kLargestStep = 2 * kPermitted / 20 + 2;
@@ -44,8 +44,8 @@ void configure(NodeBench& bench, Mode mode) {
   bench.upstream.take_sent();
 }
 
-// What the drives hold beyond their targets after each cycle, beginning with `held`. The arm stands
-// at kPose.
+// The corrections that the drives hold after each cycle (increments beyond their targets), starting
+// with `held`. The arm stands at kPose.
 Outputs outputs_of(NodeBench& bench, Mode mode, std::array<std::int32_t, 6> held) {
   configure(bench, mode);
   const bool offset = mode == Mode::kOffset;
@@ -82,7 +82,7 @@ std::int32_t largest_step(std::array<std::int32_t, 6> held, const Outputs& outpu
 
 using Tables = std::vector<std::vector<std::uint8_t>>;
 
-// What the drives hold once these tables are in force and the correction has settled.
+// The corrections that the drives hold after these tables were installed and blending has ended.
 std::array<std::int32_t, 6> held_with(const Tables& tables, Mode mode) {
   NodeBench bench(mode == Mode::kInline);
   for (const auto& table : tables) bench.install(table);
@@ -104,7 +104,7 @@ std::size_t operations_of_an_upload(const Tables& before) {
   return bench.flash.operations();
 }
 
-// The tables that were there, and what the drives get with and without the new one.
+// The tables that were installed before the upload.
 struct History {
   const char* name;
   Tables before;
@@ -161,9 +161,9 @@ TEST(NodePowerCut, TheDrivesGetTheOldTableOrTheNewOne) {
   EXPECT_LT(new_ones, 120U) << "and nothing before it brings the new table";
 }
 
-// A word that does not take, an erase that does not erase: said to the client, reported on the bus,
-// and the drives go on with the table that was in force.
-TEST(NodePowerCut, AFailedOperationIsRefusedReportedAndChangesNothing) {
+// A word is not programmed or a slot not erased: the client's request fails, the error is reported
+// in 0x1003, and the drives continue with the table that was in force.
+TEST(NodePowerCut, FailedOperation_IsReportedAndKeepsTheOldTable) {
   std::size_t cases = 0;
   std::size_t refused = 0;
   for (const auto& [mode, history] : campaigns()) {

@@ -11,7 +11,7 @@ class ResetLogTest : public testing::Test {
  protected:
   ResetLogTest() { std::memset(&record_, 0xA5, sizeof record_); }
 
-  // A new life on the same memory.
+  // A restart on the same memory.
   ResetLog started(ResetCause hardware) {
     ResetLog log(record_);
     log.start(hardware);
@@ -21,7 +21,7 @@ class ResetLogTest : public testing::Test {
   ResetRecord record_;
 };
 
-TEST_F(ResetLogTest, MemoryThatNobodyWrote_SaysWhatTheHardwareSays) {
+TEST_F(ResetLogTest, UnwrittenMemory_CauseIsThatOfTheHardware) {
   const ResetLog log = started(ResetCause::kPin);
   EXPECT_EQ(log.cause(), ResetCause::kPin);
   EXPECT_EQ(log.resets(), 1U);
@@ -29,13 +29,13 @@ TEST_F(ResetLogTest, MemoryThatNobodyWrote_SaysWhatTheHardwareSays) {
   EXPECT_EQ(log.fault().instruction, 0U);
 }
 
-TEST_F(ResetLogTest, NotedCause_IsKeptOverTheReset) {
+TEST_F(ResetLogTest, NotedCause_IsReportedAfterOneReset) {
   started(ResetCause::kPowerOn).note(ResetCause::kNmt);
   EXPECT_EQ(started(ResetCause::kSoftware).cause(), ResetCause::kNmt);
   EXPECT_EQ(started(ResetCause::kSoftware).cause(), ResetCause::kSoftware) << "noted once";
 }
 
-TEST_F(ResetLogTest, Fault_IsKeptWithItsPlaceUntilPowerGoes) {
+TEST_F(ResetLogTest, FaultPlace_IsKeptUntilPowerOn) {
   const FaultPlace place{.instruction = 0x08001234, .status = 0x82, .address = 4};
   started(ResetCause::kPowerOn).note(ResetCause::kMemoryFault, &place);
   EXPECT_EQ(started(ResetCause::kSoftware).cause(), ResetCause::kMemoryFault);
@@ -46,25 +46,25 @@ TEST_F(ResetLogTest, Fault_IsKeptWithItsPlaceUntilPowerGoes) {
   EXPECT_EQ(started(ResetCause::kPowerOn).fault().instruction, 0U);
 }
 
-TEST_F(ResetLogTest, WatchdogBehindAFault_IsTheFault) {
+TEST_F(ResetLogTest, WatchdogResetAfterAFault_ReportsTheFault) {
   started(ResetCause::kPowerOn).note(ResetCause::kFault);
   EXPECT_EQ(started(ResetCause::kWatchdog).cause(), ResetCause::kFault);
   EXPECT_EQ(started(ResetCause::kWatchdog).cause(), ResetCause::kWatchdog);
 }
 
-TEST_F(ResetLogTest, BrownOutBehindANote_IsTheBrownOut) {
+TEST_F(ResetLogTest, BrownOutAfterANote_ReportsTheBrownOut) {
   started(ResetCause::kPowerOn).note(ResetCause::kNmt);
   EXPECT_EQ(started(ResetCause::kBrownOut).cause(), ResetCause::kBrownOut);
 }
 
-TEST_F(ResetLogTest, History_HoldsTheLastEight) {
+TEST_F(ResetLogTest, History_HoldsTheLastEightCauses) {
   started(ResetCause::kPowerOn);
   for (int k = 0; k < 7; ++k) started(ResetCause::kWatchdog);
   EXPECT_EQ(started(ResetCause::kPin).history(), 0x44444443U);
   EXPECT_EQ(started(ResetCause::kPin).resets(), 10U);
 }
 
-TEST_F(ResetLogTest, DamagedRecord_IsNotBelieved) {
+TEST_F(ResetLogTest, DamagedRecord_IsDiscarded) {
   started(ResetCause::kPowerOn).note(ResetCause::kNmt);
   record_.noted ^= 1U;
   const ResetLog log = started(ResetCause::kSoftware);

@@ -32,7 +32,7 @@ class FakeStream : public ByteStream {
 
 class SlcanPortTest : public testing::Test {
  protected:
-  // What the port answers to `text` while nothing is sent.
+  // The port's answer to `text` while it sends no frames.
   std::string answer(const std::string& text) {
     stream_.from_device.clear();
     stream_.to_device.insert(stream_.to_device.end(), text.begin(), text.end());
@@ -47,7 +47,7 @@ class SlcanPortTest : public testing::Test {
   int frames_ = 0;
 };
 
-TEST_F(SlcanPortTest, OpensAsPythonCanOpensIt) {
+TEST_F(SlcanPortTest, OpenCommandsOfPythonCan_AreAccepted) {
   EXPECT_EQ(answer("C\rS8\rO\r"), "\r\r\r");
   EXPECT_EQ(answer("t0010\r"), "z\r");
 }
@@ -71,7 +71,7 @@ TEST_F(SlcanPortTest, ReceivesEveryKindOfFrame) {
   EXPECT_EQ(port_.counters().received, 4U);
 }
 
-TEST_F(SlcanPortTest, TakesSeveralLinesInAnyPieces) {
+TEST_F(SlcanPortTest, LinesInAnyPieces_AreReceived) {
   answer("C\rO\r");
   EXPECT_EQ(answer("t0011"), "");
   EXPECT_EQ(answer("05\rt00"), "z\r");
@@ -80,7 +80,7 @@ TEST_F(SlcanPortTest, TakesSeveralLinesInAnyPieces) {
   EXPECT_EQ(frames_, 2);
 }
 
-TEST_F(SlcanPortTest, RefusesWhatIsNoFrame) {
+TEST_F(SlcanPortTest, InvalidLine_IsRefused) {
   answer("C\rO\r");
   for (const char* line :
        {"t\r", "t001\r", "t0019\r", "t00111\r", "t001100FF\r", "t8000\r", "tG010\r", "t0011G0\r",
@@ -92,7 +92,7 @@ TEST_F(SlcanPortTest, RefusesWhatIsNoFrame) {
   EXPECT_EQ(answer("t0010\r"), "z\r") << "and goes on";
 }
 
-TEST_F(SlcanPortTest, ALineWithoutEndDoesNotOverflow) {
+TEST_F(SlcanPortTest, LineWithoutEnd_IsRefusedWithoutOverflow) {
   answer("C\rO\r");
   EXPECT_EQ(answer(std::string(100000, 't')), "");
   EXPECT_EQ(answer("\r"), "\a");
@@ -118,7 +118,7 @@ TEST_F(SlcanPortTest, SendsNothingWhileClosed) {
   EXPECT_EQ(port_.counters().sent, 1U);
 }
 
-TEST_F(SlcanPortTest, ListensWithoutTakingFrames) {
+TEST_F(SlcanPortTest, ListenMode_RefusesIncomingFrames_StillSends) {
   EXPECT_EQ(answer("C\rL\r"), "\r\r");
   EXPECT_EQ(answer("t0010\r"), "\a");
   EXPECT_TRUE(port_.send({}));
@@ -140,7 +140,7 @@ TEST_F(SlcanPortTest, SendsEveryKindOfFrame) {
   EXPECT_EQ(stream_.from_device, "t5A120FA0\rT000005A120FA0\rr5A12\r");
 }
 
-TEST_F(SlcanPortTest, RefusesWhatDoesNotFitAndSendsNoPartOfIt) {
+TEST_F(SlcanPortTest, FrameThatDoesNotFit_IsRefusedAndNotPartlySent) {
   answer("C\rO\r");
   CanFrame frame;
   frame.len = 8;
@@ -161,7 +161,7 @@ TEST_F(SlcanPortTest, RefusesWhatDoesNotFitAndSendsNoPartOfIt) {
 
 TEST_F(SlcanPortTest, AnswersQueries) { EXPECT_EQ(answer("V\rN\rF\r\r"), "V1013\rN0000\rF00\r\r"); }
 
-TEST_F(SlcanPortTest, EveryFrameComesBackAsItWasSent) {
+TEST_F(SlcanPortTest, EverySentFrame_IsReceivedUnchanged) {
   answer("C\rO\r");
   for (std::uint32_t i = 0; i < 5000; ++i) {
     CanFrame frame;

@@ -31,7 +31,7 @@ class SlotParametersTest : public testing::Test {
   Block loaded_ = {};
 };
 
-TEST_F(SlotParametersTest, NothingIsSavedInTheBeginning) {
+TEST_F(SlotParametersTest, BlankFlash_HasNothingToLoad) {
   EXPECT_FALSE(parameters_->load(loaded_));
 }
 
@@ -46,7 +46,7 @@ TEST_F(SlotParametersTest, SavedBlocksSurviveARestart) {
   }
 }
 
-TEST_F(SlotParametersTest, ErasedMeansNothingSaved) {
+TEST_F(SlotParametersTest, Erase_LeavesNothingToLoad) {
   ASSERT_TRUE(parameters_->save(block_of(1)));
   ASSERT_TRUE(parameters_->erase());
   EXPECT_FALSE(parameters_->load(loaded_));
@@ -57,7 +57,7 @@ TEST_F(SlotParametersTest, ErasedMeansNothingSaved) {
   EXPECT_TRUE(parameters_->load(loaded_));
 }
 
-TEST_F(SlotParametersTest, DamagedBlock_IsNotTakenForNothingSavedNorForTheOneBefore) {
+TEST_F(SlotParametersTest, DamagedBlock_IsReported_OlderOneIsNotLoaded) {
   ASSERT_TRUE(parameters_->save(block_of(1)));
   ASSERT_TRUE(parameters_->save(block_of(2)));
   EXPECT_FALSE(parameters_->is_damaged());
@@ -100,7 +100,7 @@ TEST_F(SlotParametersTest, APowerCutLeavesTheOldOrTheNewBlock) {
   }
 }
 
-// Flash of a supply that is low after so many words, until it is good again.
+// Flash whose supply is low after `words_until_low` words: programming fails from then on.
 class DippingFlash final : public storage::SimulatedFlash {
  public:
   using SimulatedFlash::SimulatedFlash;
@@ -112,7 +112,7 @@ class DippingFlash final : public storage::SimulatedFlash {
   std::size_t words_until_low = kNever;
 };
 
-TEST_F(SlotParametersTest, ASaveThatFails_LeavesTheOldBlockAndTheNextOneSucceeds) {
+TEST_F(SlotParametersTest, FailedSave_KeepsOldBlock_NextSaveSucceeds) {
   for (const bool has_old : {true, false}) {
     for (std::size_t words = 0;; ++words) {
       SCOPED_TRACE(words);

@@ -1,5 +1,5 @@
-// Files of the POSIX node over a power cut: what is half made is never found, and what is done has
-// reached the disk.
+// Files of the POSIX node across a power cut: an incomplete file is never used, and a completed
+// operation has reached the disk.
 #include "firmware/ports/posix/file_flash.h"
 
 #include <fcntl.h>
@@ -19,7 +19,7 @@
 
 namespace {
 
-// What was asked of the disk, in order.
+// Requests to the disk, in order.
 std::vector<std::string> asked;
 
 int note_sync(int file) {
@@ -31,7 +31,7 @@ int note_sync(int file) {
 
 }  // namespace
 
-// In place of the C library's: the disk is not waited for in tests, but for whether it is asked.
+// These replace the C library's functions: the tests record requests, and do not wait for the disk.
 extern "C" {
 int fsync(int file) { return note_sync(file); }
 int fdatasync(int file) { return note_sync(file); }
@@ -65,13 +65,13 @@ class FilesTest : public testing::Test {
   std::array<std::uint8_t, 64> loaded_ = {};
 };
 
-TEST_F(FilesTest, AFirstStartThatIsCutShort_LeavesTheNextOneToMakeTheSlots) {
+TEST_F(FilesTest, InterruptedFirstStart_NextStartMakesTheSlots) {
   for (const std::size_t written : {std::size_t{0}, std::size_t{1}, std::size_t{4096}}) {
     SCOPED_TRACE(written);
     const std::string path = directory_ + "/slots" + std::to_string(written) + ".bin";
     const pid_t child = fork();
     if (child == 0) {
-      // A disk that ends in the middle of the file, and the process with it.
+      // A write beyond `written` bytes ends the process, as a power cut would.
       const rlimit limit = {written, written};
       setrlimit(RLIMIT_FSIZE, &limit);
       FileFlash flash(kSlotSize);
@@ -89,13 +89,13 @@ TEST_F(FilesTest, AFirstStartThatIsCutShort_LeavesTheNextOneToMakeTheSlots) {
   }
 }
 
-TEST_F(FilesTest, NewSlots_AreOnTheDiskBeforeTheyHaveTheirName) {
+TEST_F(FilesTest, NewSlots_AreSyncedBeforeTheRename) {
   FileFlash flash(kSlotSize);
   ASSERT_EQ(flash.open(directory_ + "/slots.bin"), "");
   EXPECT_EQ(asked, (Asked{"sync file", "rename", "sync directory"}));
 }
 
-TEST_F(FilesTest, SlotsThatAreThere_AreKept) {
+TEST_F(FilesTest, ExistingSlots_AreKept_OtherSizeIsRefused) {
   const std::string path = directory_ + "/slots.bin";
   for (int start = 0; start < 2; ++start) {
     FileFlash flash(kSlotSize);
@@ -111,12 +111,12 @@ TEST_F(FilesTest, SlotsThatAreThere_AreKept) {
             path + ": is 32768 bytes, expected 16384 (two slots)");
 }
 
-TEST_F(FilesTest, SlotsThatCannotBeMade_AreOneSentence) {
+TEST_F(FilesTest, SlotsInAMissingFolder_AreReported) {
   const std::string path = directory_ + "/absent/slots.bin";
   EXPECT_EQ(FileFlash(kSlotSize).open(path), path + ": No such file or directory");
 }
 
-TEST_F(FilesTest, FolderInUse_IsRefusedUntilItIsLeft) {
+TEST_F(FilesTest, FolderInUse_IsRefusedUntilReleased) {
   {
     FolderLock first;
     ASSERT_EQ(first.take(directory_), "");
@@ -127,12 +127,12 @@ TEST_F(FilesTest, FolderInUse_IsRefusedUntilItIsLeft) {
   EXPECT_EQ(FolderLock().take(directory_), "");
 }
 
-TEST_F(FilesTest, FolderThatCannotBeLocked_IsOneSentence) {
+TEST_F(FilesTest, LockInAMissingFolder_IsReported) {
   const std::string folder = directory_ + "/absent";
   EXPECT_EQ(FolderLock().take(folder), folder + "/lock: No such file or directory");
 }
 
-TEST_F(FilesTest, SavedParameters_AreOnTheDiskBeforeTheyReplaceTheOld) {
+TEST_F(FilesTest, SavedParameters_AreSyncedBeforeTheRename) {
   FileParameters parameters(directory_ + "/parameters.bin");
   ASSERT_TRUE(parameters.save(block_));
   EXPECT_EQ(asked, (Asked{"sync file", "rename", "sync directory"}));
@@ -140,7 +140,7 @@ TEST_F(FilesTest, SavedParameters_AreOnTheDiskBeforeTheyReplaceTheOld) {
   EXPECT_EQ(loaded_, block_);
 }
 
-TEST_F(FilesTest, ErasedParameters_AreGoneFromTheDisk) {
+TEST_F(FilesTest, Erase_RemovesTheParametersAndSyncs) {
   FileParameters parameters(directory_ + "/parameters.bin");
   EXPECT_TRUE(parameters.erase()) << "nothing is there";
   ASSERT_TRUE(parameters.save(block_));
@@ -150,7 +150,7 @@ TEST_F(FilesTest, ErasedParameters_AreGoneFromTheDisk) {
   EXPECT_FALSE(parameters.holds_something());
 }
 
-TEST_F(FilesTest, ParametersThatCannotBeSaved_LeaveTheOld) {
+TEST_F(FilesTest, SaveInAMissingFolder_Fails) {
   FileParameters parameters(directory_ + "/absent/parameters.bin");
   EXPECT_FALSE(parameters.save(block_));
 }

@@ -35,13 +35,13 @@ class GicTest : public testing::Test {
   Gic<FakeRegisters> gic_{distributor_, interface_};
 };
 
-TEST_F(GicTest, IsAbsentWhereItsTypeReadsAsZero) {
+TEST_F(GicTest, IsAbsentIfItsTypeRegisterReadsZero) {
   EXPECT_FALSE(gic_.is_present());
   distributor_.values[gic::kType] = 5;
   EXPECT_TRUE(gic_.is_present());
 }
 
-TEST_F(GicTest, StartDisablesEveryInterruptThatThereIs) {
+TEST_F(GicTest, Start_DisablesEveryImplementedInterrupt) {
   distributor_.values[gic::kType] = 5;  // six lines of 32
   gic_.start();
   for (std::uint32_t line = 0; line < 6; ++line) {
@@ -73,7 +73,7 @@ TEST_F(GicTest, ServesEachPendingInterruptOnceAndEndsIt) {
       << "with the source processor that was acknowledged";
 }
 
-TEST_F(GicTest, ASpuriousInterruptIsNobodys) {
+TEST_F(GicTest, SpuriousInterrupt_IsNotServed) {
   interface_.on_read[gic::kAcknowledge] = {1023};
   gic_.serve([](std::uint32_t number) { ADD_FAILURE() << number; });
   EXPECT_TRUE(interface_.written.empty());

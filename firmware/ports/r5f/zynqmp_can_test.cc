@@ -20,7 +20,7 @@ ports::ClassicFrame classic(std::uint32_t id, std::uint8_t flags, std::uint8_t l
   return frame;
 }
 
-TEST(FifoLayoutTest, StandsInTheHardwareAsTheManualSays) {
+TEST(FifoLayoutTest, HardwareLayout_IsThatOfTheManual) {
   const FifoWords base = to_fifo(classic(0x555, 0, 8), FifoLayout::kHardware);
   EXPECT_EQ(base.id, 0x555U << 21);
   EXPECT_EQ(base.dlc, 8U << 28);
@@ -35,7 +35,7 @@ TEST(FifoLayoutTest, StandsInTheHardwareAsTheManualSays) {
             (0x15555555U >> 18) << 21 | 1U << 20 | 1U << 19 | (0x15555555U & 0x3FFFF) << 1);
 }
 
-TEST(FifoLayoutTest, StandsInTheEmulatorAsInSocketCan) {
+TEST(FifoLayoutTest, EmulatedLayout_IsThatOfSocketCan) {
   const FifoWords base = to_fifo(classic(0x555, 0, 8), FifoLayout::kEmulated);
   EXPECT_EQ(base.id, 0x555U);
   EXPECT_EQ(base.data1, 0x13121110U);
@@ -45,7 +45,7 @@ TEST(FifoLayoutTest, StandsInTheEmulatorAsInSocketCan) {
             0x400007FFU);
 }
 
-TEST(FifoLayoutTest, EveryFrameComesBack) {
+TEST(FifoLayoutTest, EveryFrame_SurvivesTheRoundTrip) {
   for (const FifoLayout layout : {FifoLayout::kHardware, FifoLayout::kEmulated}) {
     for (std::uint32_t i = 0; i < 4000; ++i) {
       const bool extended = i % 2 != 0;
@@ -62,7 +62,7 @@ TEST(FifoLayoutTest, EveryFrameComesBack) {
   }
 }
 
-TEST(FifoLayoutTest, ALengthCodeBeyondEightMeansEight) {
+TEST(FifoLayoutTest, LengthCodeAboveEight_MeansEight) {
   EXPECT_EQ(from_fifo({0, 15U << 28, 0, 0}, FifoLayout::kHardware).len, 8);
 }
 
@@ -82,7 +82,7 @@ class ZynqMpCanTest : public testing::Test {
   ZynqMpCan<FakeZynqMpCan> can_{fake_, FifoLayout::kHardware};
 };
 
-TEST_F(ZynqMpCanTest, StartSetsTheTimingAndJoins) {
+TEST_F(ZynqMpCanTest, Start_SetsTheTimingAndJoinsTheBus) {
   const std::uint32_t timing = fake_.read(zynqmp_can::kBtr);
   const std::uint32_t quanta = 1 + ((timing & 0xF) + 1) + ((timing >> 4 & 7) + 1);
   EXPECT_EQ(100'000'000 / (fake_.read(zynqmp_can::kBrpr) + 1) / quanta, 1'000'000U);
@@ -91,7 +91,7 @@ TEST_F(ZynqMpCanTest, StartSetsTheTimingAndJoins) {
   EXPECT_EQ(can_.bus_state(), BusState::kActive);
 }
 
-TEST(ZynqMpCanStart, ReportsThatThereIsNoController) {
+TEST(ZynqMpCanStart, Start_WithoutAController_Fails) {
   FakeZynqMpCan fake;
   fake.is_present = false;
   ZynqMpCan<FakeZynqMpCan> can(fake, FifoLayout::kHardware);
@@ -108,7 +108,7 @@ TEST_F(ZynqMpCanTest, FramesLeaveInTheOrderInWhichTheyWereQueued) {
   EXPECT_EQ(can_.counters().sent, 50U);
 }
 
-TEST_F(ZynqMpCanTest, RefusesWhenTheQueueIsFullAndGoesOnWhenItIsNot) {
+TEST_F(ZynqMpCanTest, FullQueue_RefusesFramesUntilOneIsSent) {
   for (std::size_t i = 0; i < FakeZynqMpCan::kFifo; ++i)
     ASSERT_TRUE(can_.send(counting_frame(0x100, 0)));
   EXPECT_FALSE(can_.send(counting_frame(0x100, 0)));
@@ -117,7 +117,7 @@ TEST_F(ZynqMpCanTest, RefusesWhenTheQueueIsFullAndGoesOnWhenItIsNot) {
   EXPECT_TRUE(can_.send(counting_frame(0x100, 0)));
 }
 
-TEST_F(ZynqMpCanTest, RefusesWhatAClassicControllerCannotSend) {
+TEST_F(ZynqMpCanTest, FrameThatIsNotClassicCan_IsRefused) {
   CanFrame fd = counting_frame(0x100, 0);
   fd.flags = canopen::kFrameFd;
   EXPECT_FALSE(can_.send(fd));
@@ -153,7 +153,7 @@ TEST_F(ZynqMpCanTest, AnInterruptWithoutCauseIsHarmless) {
   EXPECT_FALSE(can_.receive(frame));
 }
 
-TEST_F(ZynqMpCanTest, CountsWhatWasLost) {
+TEST_F(ZynqMpCanTest, LostReceivedFrames_AreCounted) {
   for (std::size_t i = 0; i < FakeZynqMpCan::kFifo + 1; ++i) fake_.deliver(words_of(0x100));
   run_interrupts();
   EXPECT_EQ(can_.counters().receive_overruns, 1U) << "by the hardware";
@@ -176,7 +176,7 @@ TEST_F(ZynqMpCanTest, ReportsTheErrorState) {
   EXPECT_EQ(can_.bus_state(), BusState::kActive);
 }
 
-TEST_F(ZynqMpCanTest, BusOffIsHeldUntilRecoveryAndWhatWasQueuedIsDiscarded) {
+TEST_F(ZynqMpCanTest, BusOff_LastsUntilRecovery_DiscardsTheQueue) {
   for (int i = 0; i < 10; ++i) ASSERT_TRUE(can_.send(counting_frame(0x200, 0)));
   fake_.set_error_state(zynqmp_can::kSrBusOff);
   EXPECT_EQ(can_.bus_state(), BusState::kBusOff) << "before the interrupt";
@@ -207,7 +207,7 @@ TEST_F(ZynqMpCanTest, RecoveryWithoutBusOffHasNoEffect) {
   EXPECT_TRUE(fake_.transmit_one());
 }
 
-TEST_F(ZynqMpCanTest, StaysOffWhereTheControllerDoesNotComeBack) {
+TEST_F(ZynqMpCanTest, Recovery_WithoutAController_StaysBusOff) {
   fake_.set_error_state(zynqmp_can::kSrBusOff);
   run_interrupts();
   fake_.is_present = false;

@@ -18,7 +18,7 @@ class BxCanTest : public testing::Test {
  protected:
   void SetUp() override { ASSERT_TRUE(can_.start(kTiming)); }
 
-  // What the hardware and its interrupt do until nothing is left to send.
+  // Runs the hardware and its transmit interrupt until nothing is left to send.
   void drain() {
     while (fake_.transmit_one()) can_.on_transmit_interrupt();
   }
@@ -36,14 +36,14 @@ TEST_F(BxCanTest, StartSetsTheTimingAndLeavesInitialisation) {
   EXPECT_EQ(can_.bus_state(), BusState::kActive);
 }
 
-TEST(BxCanStart, ReportsThatThereIsNoController) {
+TEST(BxCanStart, Start_WithoutAController_Fails) {
   FakeBxCan fake;
   fake.is_present = false;
   BxCan<FakeBxCan> can(fake);
   EXPECT_FALSE(can.start(kTiming));
 }
 
-TEST(BxCanStart, RefusesATimingThatIsNone) {
+TEST(BxCanStart, Start_WithoutAValidTiming_Fails) {
   FakeBxCan fake;
   BxCan<FakeBxCan> can(fake);
   EXPECT_FALSE(can.start({}));
@@ -57,7 +57,7 @@ TEST(BxCanFilters, LetEverythingThroughOnBothControllers) {
   EXPECT_EQ(fake.read(bxcan::kFfa1r), 0U);
 }
 
-TEST_F(BxCanTest, ABacklogIsWhatTheMailboxesDoNotHold) {
+TEST_F(BxCanTest, HasBacklog_OnlyIfTheMailboxesAreFull) {
   for (int k = 0; k < 3; ++k) ASSERT_TRUE(can_.send(counting_frame(0x123, 0x10)));
   EXPECT_FALSE(can_.has_backlog());
   ASSERT_TRUE(can_.send(counting_frame(0x123, 0x10)));
@@ -99,7 +99,7 @@ TEST_F(BxCanTest, FramesLeaveInTheOrderInWhichTheyWereQueued) {
   for (std::uint8_t i = 0; i < kFrames; ++i) EXPECT_EQ(fake_.sent[i].data_low & 0xFF, i);
 }
 
-TEST_F(BxCanTest, RefusesWhenTheQueueIsFullAndGoesOnWhenItIsNot) {
+TEST_F(BxCanTest, FullQueue_RefusesFramesUntilOneIsSent) {
   const std::size_t places = BxCan<FakeBxCan>::kQueue + bxcan::kMailboxes;
   for (std::size_t i = 0; i < places; ++i) ASSERT_TRUE(can_.send(counting_frame(0x100, 0)));
   EXPECT_FALSE(can_.send(counting_frame(0x100, 0)));
@@ -111,7 +111,7 @@ TEST_F(BxCanTest, RefusesWhenTheQueueIsFullAndGoesOnWhenItIsNot) {
   EXPECT_EQ(can_.counters().sent, places + 1);
 }
 
-TEST_F(BxCanTest, RefusesWhatAClassicControllerCannotSend) {
+TEST_F(BxCanTest, FrameThatIsNotClassicCan_IsRefused) {
   CanFrame fd = counting_frame(0x100, 0);
   fd.flags = canopen::kFrameFd;
   EXPECT_FALSE(can_.send(fd));
@@ -144,7 +144,7 @@ TEST_F(BxCanTest, ReceivesEveryKindOfFrame) {
   EXPECT_EQ(can_.counters().received, 3U);
 }
 
-TEST_F(BxCanTest, ALengthCodeBeyondEightMeansEight) {
+TEST_F(BxCanTest, LengthCodeAboveEight_MeansEight) {
   fake_.deliver({0x100U << 21, 15, 0, 0});
   can_.on_receive_interrupt();
   CanFrame frame;
@@ -152,7 +152,7 @@ TEST_F(BxCanTest, ALengthCodeBeyondEightMeansEight) {
   EXPECT_EQ(frame.len, 8);
 }
 
-TEST_F(BxCanTest, CountsWhatTheHardwareLost) {
+TEST_F(BxCanTest, FramesLostByTheHardware_CountAsOneOverrun) {
   for (int i = 0; i < 5; ++i) fake_.deliver({0x100U << 21, 1, 0, 0});
   can_.on_receive_interrupt();
   EXPECT_EQ(can_.counters().received, 3U);
@@ -163,7 +163,7 @@ TEST_F(BxCanTest, CountsWhatTheHardwareLost) {
   EXPECT_EQ(can_.counters().receive_overruns, 1U);
 }
 
-TEST_F(BxCanTest, CountsWhatNobodyTook) {
+TEST_F(BxCanTest, FramesBeyondTheReceiveQueue_AreCounted) {
   for (std::size_t i = 0; i < BxCan<FakeBxCan>::kQueue + 4; ++i) {
     fake_.deliver({0x100U << 21, 1, static_cast<std::uint32_t>(i), 0});
     can_.on_receive_interrupt();
@@ -201,14 +201,14 @@ TEST_F(BxCanBusOffTest, IsReportedAndCountedOnce) {
   EXPECT_EQ(can_.counters().bus_off_entries, 1U);
 }
 
-TEST_F(BxCanBusOffTest, RefusesFramesAndDoesNotLeaveByItself) {
+TEST_F(BxCanBusOffTest, RefusesFrames_DoesNotRecoverByItself) {
   EXPECT_FALSE(can_.send(counting_frame(0x200, 0)));
   EXPECT_EQ(can_.counters().send_refused, 1U);
   for (int i = 0; i < 100; ++i) EXPECT_EQ(can_.bus_state(), BusState::kBusOff);
   EXPECT_FALSE(fake_.is_initialising());
 }
 
-TEST_F(BxCanBusOffTest, RecoveryGoesThroughInitialisationAndDiscardsWhatWasQueued) {
+TEST_F(BxCanBusOffTest, Recovery_RunsInitialisation_DiscardsTheQueue) {
   can_.recover();
   EXPECT_EQ(fake_.requested(), 0U);
   while (!fake_.is_initialising()) EXPECT_EQ(can_.bus_state(), BusState::kBusOff);
@@ -225,7 +225,7 @@ TEST_F(BxCanBusOffTest, RecoveryGoesThroughInitialisationAndDiscardsWhatWasQueue
   EXPECT_EQ(fake_.sent[0].identifier, 0x201U << 21 | bxcan::kIdRequest);
 }
 
-TEST_F(BxCanBusOffTest, ASecondRecoveryIsASecondEntry) {
+TEST_F(BxCanBusOffTest, SecondBusOff_IsCountedAndRecovers) {
   can_.recover();
   fake_.set_error_status(0);
   while (can_.bus_state() == BusState::kBusOff) {

@@ -108,7 +108,7 @@ TEST_F(FlashDriverTest, ProgramsOneWordAndLocksAgain) {
   EXPECT_TRUE(fake_.is_locked());
 }
 
-TEST_F(FlashDriverTest, ReadsAnyBytes) {
+TEST_F(FlashDriverTest, Read_AtAnyByteOffset_ReturnsTheBytes) {
   ASSERT_TRUE(flash_.program(0, 0, 0x03020100));
   ASSERT_TRUE(flash_.program(0, 4, 0x07060504));
   std::vector<std::uint8_t> bytes(5);
@@ -116,7 +116,7 @@ TEST_F(FlashDriverTest, ReadsAnyBytes) {
   EXPECT_EQ(bytes, (std::vector<std::uint8_t>{2, 3, 4, 5, 6}));
 }
 
-TEST_F(FlashDriverTest, ErasesItsOwnSectorAndForgetsTheCache) {
+TEST_F(FlashDriverTest, Erase_ClearsItsSectorAndResetsTheDataCache) {
   ASSERT_TRUE(flash_.program(0, 0, 0));
   ASSERT_TRUE(flash_.program(1, 0, 0));
   ASSERT_TRUE(flash_.erase(1));
@@ -128,7 +128,7 @@ TEST_F(FlashDriverTest, ErasesItsOwnSectorAndForgetsTheCache) {
   EXPECT_TRUE(fake_.is_locked());
 }
 
-TEST_F(FlashDriverTest, EveryErrorFlagIsAFailureAndIsClearedForTheNext) {
+TEST_F(FlashDriverTest, ErrorFlag_FailsItsOperation_NextOneSucceeds) {
   for (const std::uint32_t bit : {1U, 4U, 5U, 6U, 7U}) {
     fake_.error = 1U << bit;
     EXPECT_FALSE(flash_.program(0, 0, 0)) << "bit " << bit;
@@ -140,18 +140,18 @@ TEST_F(FlashDriverTest, EveryErrorFlagIsAFailureAndIsClearedForTheNext) {
   }
 }
 
-TEST_F(FlashDriverTest, AControllerThatStaysBusyIsAFailureNotAHang) {
+TEST_F(FlashDriverTest, ControllerThatStaysBusy_FailsTheOperation) {
   fake_.stays_busy = true;
   EXPECT_FALSE(flash_.program(0, 0, 0));
   EXPECT_FALSE(flash_.erase(0));
 }
 
-TEST_F(FlashDriverTest, RefusesWhatIsNotAWordOfTheSlot) {
+TEST_F(FlashDriverTest, Program_OutsideTheSlotOrUnaligned_IsRefused) {
   EXPECT_FALSE(flash_.program(0, 2, 0));
   EXPECT_FALSE(flash_.program(0, flash::kSectorBytes, 0));
 }
 
-TEST_F(FlashDriverTest, SlotStoreRunsOnIt) {
+TEST_F(FlashDriverTest, SlotStore_RunsOnThisDriver) {
   const storage::TestVerifier verifier;
   storage::Image buffer(1000);
   storage::SlotStore store(flash_, verifier);

@@ -21,7 +21,7 @@ class FakeTimer {
     divider_ = value_.at(0x28) + 1;
     count_ = 0;
   }
-  // So many periods of the timer's clock pass.
+  // Lets `periods` periods of the timer's clock pass.
   void run(std::uint64_t periods) {
     ASSERT_EQ(value_[0x00], 1U) << "it was not enabled";
     ASSERT_EQ(value_[0x2C], 0xFFFFFFFFU) << "it would begin again before 32 bits are full";
@@ -56,7 +56,7 @@ TEST_F(FreeRunningClockTest, StalledCore_LosesNoTime) {
   EXPECT_EQ(clock.now_us(), 2'000'000U);
 }
 
-TEST_F(FreeRunningClockTest, CounterThatIsFull_GoesOnBeyond32Bits) {
+TEST_F(FreeRunningClockTest, CounterOverflow_TimeContinuesBeyond32Bits) {
   clock.start(kTimerHz);
   std::uint64_t expected_us = 0;
   for (int hour = 0; hour < 3; ++hour) {

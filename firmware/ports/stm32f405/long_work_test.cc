@@ -1,4 +1,4 @@
-// What takes long (the largest table, a save) against models of both watchdogs and of the flash.
+// Long operations (the largest table, a save) against models of both watchdogs and of the flash.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -92,7 +92,7 @@ class SlowFlash final : public storage::Flash {
     chip.pass(chip.erase_us);
     return cells_.erase(slot);
   }
-  // A slot that nobody has erased yet.
+  // Marks a slot as not erased.
   void soil(std::size_t slot) { cells_.word(slot, 100) = 0; }
 
  private:
@@ -128,7 +128,7 @@ class LongWorkTest : public ::testing::TestWithParam<double> {
       window_.feed(clock_us());
     });
   }
-  // A request to the SDO server; whether it did not abort.
+  // Sends a request to the SDO server. Returns whether it was answered without an abort.
   bool ask(std::initializer_list<int> request) {
     port_.deliver(canopen::make_frame(0x600 + kNodeId, request));
     bool done = false;
@@ -158,7 +158,7 @@ class LongWorkTest : public ::testing::TestWithParam<double> {
     }
     return done;
   }
-  // The largest table that a device takes; what fills it up is data that nothing refers to.
+  // The largest table that a device accepts, filled up with data that nothing refers to.
   static std::vector<std::uint8_t> largest_table() {
     armtrue::tests::TestImage made(6);
     made.add_constant(0, 1e-4);
@@ -194,7 +194,7 @@ class LongWorkTest : public ::testing::TestWithParam<double> {
                         {port_, nullptr, tables_, parameters_, &clock_us, nullptr, &stand}};
 };
 
-TEST_P(LongWorkTest, TheLargestTable_ComesIntoForceWithoutAReset) {
+TEST_P(LongWorkTest, LargestTable_IsInstalledWithoutAReset) {
   const std::vector<std::uint8_t> image = largest_table();
   ASSERT_EQ(image.size(), kMaxImageLength);
   ASSERT_TRUE(stage(image));
@@ -207,13 +207,13 @@ TEST_P(LongWorkTest, TheLargestTable_ComesIntoForceWithoutAReset) {
   }
 }
 
-TEST_P(LongWorkTest, ASave_GoesWithoutAReset) {
+TEST_P(LongWorkTest, Save_CausesNoReset) {
   ASSERT_TRUE(write(0x1010, 1, 0x65766173));
   for (int k = 0; k < 500; ++k) turn();
   EXPECT_EQ(chip.resets, std::vector<std::string>());
 }
 
-TEST_P(LongWorkTest, APathThatHangs_IsResetAllTheSame) {
+TEST_P(LongWorkTest, HangAfterASave_IsResetByTheWatchdog) {
   ASSERT_TRUE(write(0x1010, 1, 0x65766173));
   chip.pass(60'000);
   EXPECT_EQ(chip.resets, std::vector<std::string>{"window watchdog, fed too late"});

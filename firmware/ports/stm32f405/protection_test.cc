@@ -18,7 +18,7 @@ namespace {
 
 using ports::ResetCause;
 
-// Registers that keep what is written, and the order in which that came.
+// Registers that keep the written values and the order of the writes.
 class FakeRegisters {
  public:
   std::uint32_t read(std::uint32_t offset) const {
@@ -57,7 +57,7 @@ class WindowWatchdogTest : public testing::Test {
   WindowWatchdog<FakeRegisters, FakeRegisters> watchdog{registers, rcc};
 };
 
-TEST_F(WindowWatchdogTest, Feed_ComesWithinTheWindowWhateverTheLoopDoes) {
+TEST_F(WindowWatchdogTest, Feed_InAFastLoop_StaysWithinTheWindow) {
   watchdog.feed(0);
   EXPECT_EQ(feedings(), 0U) << "it does not run yet";
   watchdog.start(1000);
@@ -74,7 +74,7 @@ TEST_F(WindowWatchdogTest, Feed_ComesWithinTheWindowWhateverTheLoopDoes) {
   EXPECT_GE(feedings(), 38U);
 }
 
-TEST_F(WindowWatchdogTest, Pause_KeepsWhatIsLeftUntilTheNextFeeding) {
+TEST_F(WindowWatchdogTest, PausedTime_DoesNotCountInTheWindow) {
   watchdog.start(0);
   watchdog.pause(5'000);
   EXPECT_EQ(rcc.read(0x40) & 1U << 11, 0U);
@@ -88,7 +88,7 @@ TEST_F(WindowWatchdogTest, Pause_KeepsWhatIsLeftUntilTheNextFeeding) {
 
 TEST(ResetCauseOfTheChip, EveryFlag_HasItsCauseAndIsCleared) {
   const std::vector<std::pair<std::uint32_t, ResetCause>> cases = {
-      {0x0E000000, ResetCause::kPowerOn},  // power on: with those of the pin and of brown-out
+      {0x0E000000, ResetCause::kPowerOn},  // power on, with the flags of pin and brown-out
       {0x06000000, ResetCause::kBrownOut},       {0x04000000, ResetCause::kPin},
       {0x14000000, ResetCause::kSoftware},       {0x24000000, ResetCause::kWatchdog},
       {0x44000000, ResetCause::kWindowWatchdog}, {0x84000000, ResetCause::kLowPower},
@@ -135,7 +135,7 @@ TEST(ClockSecurity, Failure_IsSeenOnceAndCleared) {
   EXPECT_NE(rcc.read(0x0C) & 1U << 23, 0U);
 }
 
-TEST(OptionBytes, Delivered_ProtectNothingAndAsAskedAll) {
+TEST(OptionBytes, FactoryValue_ProtectsNothing_RequiredValueAll) {
   FakeRegisters flash;
   flash.value[0x14] = 0x0FFFAAED;  // as delivered (3.9.6)
   const OptionBytes delivered = read_option_bytes(flash);
@@ -171,7 +171,7 @@ TEST(Mpu, Regions_AreWrittenAsTheManualSays) {
   EXPECT_EQ(registers.written, expected);
 }
 
-TEST(Mpu, NoUnitOrAnOddRegion_IsNotStarted) {
+TEST(Mpu, MissingUnitOrInvalidRegion_IsNotStarted) {
   FakeRegisters none;
   const std::array one = {ports::MpuRegion{0x20000000, 256, ports::Access::kNone}};
   EXPECT_FALSE(ports::start_mpu(none, one));
@@ -185,7 +185,7 @@ TEST(Mpu, NoUnitOrAnOddRegion_IsNotStarted) {
   }
 }
 
-// What the parts of guarded flash are asked, in order.
+// Watchdog and supply of a guarded flash; records the timeouts that are set, in order.
 struct Calls {
   std::vector<std::string> made;
   bool is_low_now = false;
@@ -204,7 +204,7 @@ class GuardedFlashTest : public testing::Test {
   GuardedFlash<storage::RamFlash, Calls, Calls> flash{ram_, calls, calls};
 };
 
-TEST_F(GuardedFlashTest, Erase_IsWithinALongTimeOut) {
+TEST_F(GuardedFlashTest, Erase_RunsWithALongWatchdogTimeout) {
   memory_[0] = 0;
   EXPECT_TRUE(flash.erase(0));
   EXPECT_EQ(memory_[0], 0xFF);

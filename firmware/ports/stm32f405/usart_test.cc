@@ -72,7 +72,7 @@ class UsartTest : public testing::Test {
   Usart<FakeUsart> usart_{fake_};
 };
 
-TEST_F(UsartTest, DividesItsClock) { EXPECT_EQ(fake_.read(usart::kBrr), 84U); }
+TEST_F(UsartTest, Start_SetsTheBaudRateDivider) { EXPECT_EQ(fake_.read(usart::kBrr), 84U); }
 
 TEST_F(UsartTest, SendsEverythingInOrderAndThenIsQuiet) {
   const std::string text = "t1234AABBCCDD\r";
@@ -97,7 +97,7 @@ TEST_F(UsartTest, ReceivesInOrder) {
   EXPECT_EQ(usart_.overruns(), 0U);
 }
 
-TEST_F(UsartTest, AFullQueueHoldsTheSenderAndLosesNothing) {
+TEST_F(UsartTest, FullReceiveQueue_HoldsTheSender_LosesNothing) {
   for (std::size_t i = 0; i < Usart<FakeUsart>::kQueue; ++i) {
     fake_.deliver(1);
     run_interrupts();
@@ -114,7 +114,7 @@ TEST_F(UsartTest, AFullQueueHoldsTheSenderAndLosesNothing) {
   EXPECT_EQ(byte, 2);
 }
 
-TEST_F(UsartTest, CountsBytesThatWereLost) {
+TEST_F(UsartTest, LostBytes_AreCounted) {
   fake_.deliver(1);
   fake_.deliver(2);
   run_interrupts();

@@ -1,19 +1,19 @@
-// Lives of a compensator between a controller and drives, as a list of steps (libFuzzer): tables
-// come and go, PDOs are mapped, masters send NMT, the arm moves. Two bytes a step: what, and which.
+// libFuzzer on a compensator between a controller and drives. The input is a list of steps: tables
+// are installed, PDOs mapped, NMT commands sent, the arm moves. Two bytes per step: kind, variant.
 //
-// What must hold in every life, whatever the steps:
-//   clamp         no correction is larger than 0.05 turn of the drives that there are
+// Properties that hold after any steps, with the names that a failure prints:
+//   clamp         no correction exceeds 0.05 turn of the drives, in their own increments
 //   rate          no correction changes faster than 0.1 turn a second, in time and not in sets
-//   pass-through  disabled, the output is the input after at most kFadeCycles
-//   comes back    a correction that is neither disabled nor suspended is there, or on its way
-//   way to zero   one that is goes to zero in offset mode without targets, too
-//   feedback      an actual position comes back without its own cycle's correction
-//   SYNC          nothing is evaluated between SYNC's arrival and its leaving
-//   NMT           what ends the output ends it within seconds
-//   cost          no table that is taken costs many times what an ordinary one does
+//   pass-through  while disabled, the output equals the input after at most kFadeCycles
+//   comes back    a correction that is neither disabled nor suspended is active or blending in
+//   way to zero   a disabled or suspended one fades to zero in offset mode even without targets
+//   feedback      the correction of its own cycle is taken off an actual position
+//   SYNC          nothing is evaluated between SYNC's arrival and its forwarding
+//   NMT           commands that end the output take effect within seconds
+//   cost          no accepted table takes many times the time of an ordinary one
 //
-// ARMTRUE_FUZZ_STEPS and ARMTRUE_FUZZ_TABLES, bit masks, leave out steps and tables that are not in
-// them: to look past what was found.
+// ARMTRUE_FUZZ_STEPS and ARMTRUE_FUZZ_TABLES, bit masks, select the steps and tables to run, to
+// search beyond a fault that was found.
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -36,14 +36,14 @@ using namespace armtrue::canopen;
 using Joints = std::array<std::int32_t, 6>;
 
 constexpr Joints kStand = {230'000, 300'000, 150'000, -250'000, 270'000, -200'000};
-constexpr std::int32_t kMagnitude = 4000;            // increments, of the tables that are made here
+constexpr std::int32_t kMagnitude = 4000;            // increments, of the tables made here
 constexpr std::int32_t kAmplitude = 1 << 24;         // 650 increments
 constexpr double kLargest = 0.05 * 1048576.0 + 1.0;  // increments
 constexpr double kRate = 0.1 * 1048576.0 * 1e-6;     // increments a microsecond
-constexpr double kSaved = 2.0 * 1000.0 * kRate;      // what two cycles may have left over
-constexpr double kSlack = 14.0;                      // rounding, and a target's own way
-// Until a disabled correction is zero: a blend of 20 ms, and the way at full rate. With a table of
-// a low rate kFadeCycles.
+constexpr double kSaved = 2.0 * 1000.0 * kRate;      // what two cycles may leave unused
+constexpr double kSlack = 14.0;                      // rounding, and a target's own motion
+// Time until a disabled correction is zero: a blend of 20 ms and a fade at full rate. With a table
+// of a low rate: kFadeCycles.
 constexpr std::int64_t kFadesWithin = 60;  // ms
 constexpr std::int64_t kFadesSlowlyWithin = 2200;
 
@@ -78,7 +78,7 @@ void require(bool holds, std::string_view what) {
   std::abort();
 }
 
-// Terms over many grids of four axes that all share their data: small, and much work.
+// Terms over many grids of four axes that share their data: a small table with much work.
 std::vector<std::uint8_t> costly_table(std::uint32_t sequence) {
   constexpr std::uint16_t kGrids = 300;
   tests::TestImage made(6);
@@ -112,7 +112,7 @@ class Life {
       : offset_((setup & 1U) != 0),
         bench_(!offset_, false, {}, kMaxImageLength + storage::kHeaderBytes, &flash) {
     bench_.configure(offset_ ? Mode::kOffset : Mode::kInline);
-    // RPDO 13 hears the state of axis 1.
+    // RPDO 13 receives the statusword of axis 1.
     bench_.write(0x160C, 0, 0, 1);
     bench_.write(0x160C, 1, 0x60410010, 4);
     bench_.write(0x160C, 0, 1, 1);
@@ -122,7 +122,7 @@ class Life {
     feed_back();
   }
 
-  // False: nothing that follows can be judged.
+  // Returns false if nothing that follows can be judged.
   bool carry_out(Step step, std::uint8_t which) {
     switch (step) {
       case Step::kMove:
@@ -130,7 +130,7 @@ class Life {
       case Step::kRest:
         return stream(length_of(which), 1000, 0);
       case Step::kBackToBack:
-        quiet(30);  // SYNC is not in use any more
+        quiet(30);  // after this pause SYNC no longer counts as in use
         return stream(100, 70, 0, false);
       case Step::kQuiet:
         return quiet(600);
@@ -172,7 +172,7 @@ class Life {
         return noted();
       case Step::kPdo: {
         quiet(600);
-        // One of those that carry targets or offsets goes off, or comes back.
+        // Switches one of the PDOs with targets or offsets off, or on again.
         const std::uint32_t pair = which % 3U;
         const auto record = static_cast<std::uint16_t>((offset_ ? 0x1800U : 0x1400U) + pair);
         bench_.write(record, 1, bench_.read(record, 1) ^ 0x80000000U, 4);
@@ -182,7 +182,7 @@ class Life {
         quiet(600);
         bench_.write(0x2000, 1, bench_.read(0x2000, 1) != 0 ? 0 : (offset_ ? 2 : 1), 1);
         quiet(fades_within_ > kFadesWithin ? 6000 : 600);
-        // A start takes over what the drives hold, though it be a target's way, and lets it fade.
+        // A start takes over what the drives hold, even a target's own motion, and fades it out.
         since_disabled_ = std::min<std::int64_t>(since_disabled_, 0);
         return noted();
       default:
@@ -213,7 +213,7 @@ class Life {
     return noted();
   }
 
-  // What is asked and what is done agree, whatever became of a set that waited meanwhile.
+  // The compensator's state agrees with the requests, whatever happened to a set that waited.
   void judge_state(bool after_silence) {
     const CompensatorState state = bench_.compensator().state();
     const bool passes = state == CompensatorState::kPassThrough;
@@ -225,7 +225,7 @@ class Life {
     take();
   }
 
-  // Without targets. Fades take their steps in the first of it; from then on time may go faster.
+  // Time without targets: steps of 1 ms in the first 60 ms, in which fades run, then of 25 ms.
   bool quiet(int milliseconds) {
     for (int past = 0; past < milliseconds;) {
       const int step = past < 60 ? 1 : 25;
@@ -239,7 +239,7 @@ class Life {
     return true;
   }
 
-  // What the drives hold is somebody else's: the next output is where judging begins.
+  // What the drives hold is unknown: judging begins with the next output.
   bool begin_anew() {
     known_ = 0;
     bench_.start_nodes();
@@ -257,7 +257,7 @@ class Life {
     switch (which % 8) {
       case 0:
       case 1:
-        break;  // that in force once more
+        break;  // the table in force once more
       case 2:
         table.sequence = ++sequence_;
         table.rate = 500;
@@ -294,7 +294,7 @@ class Life {
     return true;
   }
 
-  // Seconds of processor time for one evaluation of what is in force.
+  // Seconds of processor time for one evaluation of the table in force.
   double cost() {
     double least = 1e9;
     for (int k = 0; k < 5; ++k) {
@@ -311,7 +311,7 @@ class Life {
       }
       take();
     }
-    known_ = 0;  // what came out meanwhile was not judged
+    known_ = 0;  // the outputs meanwhile were not judged
     return least;
   }
   static double ordinary_cost() {
@@ -372,7 +372,7 @@ class Life {
     for (int k = 0; k < cycles; ++k) {
       const Joints before = target_;
       bench_.now_us += period_us;
-      // Drops a set that is too old, then takes the step to zero that waited for it.
+      // The first turn drops a set that is too old, the second takes the delayed step to zero.
       bench_.turn();
       bench_.turn();
       if (with_sync) {
@@ -387,7 +387,7 @@ class Life {
       bench_.command_joints(target_);
       take();
       judge(target_);
-      // The way to zero begins with the first output of a life.
+      // The fade to zero begins with the first output after a start.
       if (since_disabled_ >= 0 && known_ != 0) {
         since_disabled_ += static_cast<std::int64_t>(period_us);
       }
@@ -400,7 +400,7 @@ class Life {
     return true;
   }
 
-  // What came out for the drives.
+  // Takes the output for the drives.
   void take() {
     fresh_ = 0;
     std::vector<CanFrame> frames = std::exchange(bench_.aside, {});
@@ -441,7 +441,7 @@ class Life {
   }
 
   void feed_back() {
-    if (is_away_) known_ &= ~1U;  // inline its way to zero takes steps that no frame tells
+    if (is_away_) known_ &= ~1U;  // inline its fade to zero takes steps that no frame shows
     for (std::size_t pair = 0; pair < 3; ++pair) {
       Joints stand = target_;
       for (std::size_t k = 0; k < 6; ++k) stand[k] = stand_meant_[k] + delta_[k];
@@ -467,14 +467,14 @@ class Life {
   bool synchronous_ = false;
   bool is_away_ = false;  // the drive of axis 1
   std::uint32_t sequence_ = 1;
-  std::int64_t since_disabled_ = -1;  // us with targets; negative while it is enabled
+  std::int64_t since_disabled_ = -1;  // us with targets; negative while enabled
   std::int64_t fades_within_ = kFadesWithin;
   Joints target_ = kStand;
   Joints stand_meant_ = kStand;
   Joints out_ = {};
   Joints delta_ = {};
-  std::uint32_t fresh_ = 0;  // bit k: out_[k] has just come
-  std::uint32_t known_ = 0;  // bit k: delta_[k] is what the drive holds, of this node's life
+  std::uint32_t fresh_ = 0;  // bit k: out_[k] is new
+  std::uint32_t known_ = 0;  // bit k: the drive holds delta_[k], sent since the node's start
   std::array<double, 6> credit_ = {};
   std::array<std::uint64_t, 6> judged_us_ = {};
 };

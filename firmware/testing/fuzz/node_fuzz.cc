@@ -1,11 +1,13 @@
 // The whole node under any sequence of frames, times, refusals and restarts (libFuzzer).
 //
-// The last byte says what the node is and how far it has come (Setup below). What is before it is a
-// list of events: one byte says what happens, what that needs follows.
-//   0..95     an SDO request with these eight bytes, aimed at an object that exists nine times of
-//   ten 96..127   a target frame (which pair: low bits), eight bytes 128..159  SYNC, NMT, heartbeat
-//   or actual positions 160..191  any frame on the controllers' side: identifier, flags, length,
-//   payload 192..207  any frame on the drives' side 208..239  time passes: up to 2^16 · 100 µs
+// The last byte selects the node's kind and starting state (Setup below). The bytes before it are a
+// list of events: one byte for the kind of event, then what it needs.
+//   0..95     SDO request of eight bytes; nine of ten address an object that exists
+//   96..127   target frame (which pair: low bits), eight bytes
+//   128..159  SYNC, NMT, heartbeat or actual positions
+//   160..191  any frame on the controllers' side: identifier, flags, length, payload
+//   192..207  any frame on the drives' side
+//   208..239  time passes: up to 2^16 · 100 µs
 //   240..247  the queue takes this many more frames (240..243 upstream in offset mode)
 //   248..251  bus-off, on either side
 //   252..255  power cycle
@@ -35,8 +37,8 @@ struct Setup {
   Mode mode;
   bool two_buses;
   bool fd;
-  bool saved;  // a power cycle comes back in this mode, not in forward mode
-  bool begun;  // the correction is on its way before the first event
+  bool saved;  // the node restarts in this mode, not in forward mode
+  bool begun;  // the correction has begun before the first event
 };
 
 class Events {
@@ -105,7 +107,7 @@ CanFrame service_frame(Events& events, std::uint8_t kind) {
   }
 }
 
-// What must hold whatever came in.
+// Checks that hold after any input.
 void judge(NodeBench& bench) {
   for (const CanFrame& frame : bench.downstream.take_sent()) {
     require(frame.len <= (frame.is(kFrameFd) ? kFdPayload : kClassicPayload));
@@ -124,8 +126,8 @@ void judge(NodeBench& bench) {
 constexpr std::array<std::int32_t, 6> kStand = {230'000,  300'000, 150'000,
                                                 -250'000, 270'000, -200'000};
 
-// Actual positions of an arm that stands at its targets, then the targets again and again: the
-// first offsets wait until targets have stood for 0.1 s.
+// Sends actual positions of an arm that stands at its targets, then these targets repeatedly: the
+// first offsets wait until the targets have been constant for 0.1 s.
 void begin(NodeBench& bench, Mode mode) {
   for (std::uint32_t k = 0; k < 3; ++k) {
     const CanFrame frame = NodeBench::pair_frame(0x1C0 + k, kStand[2 * k], kStand[2 * k + 1]);
@@ -148,7 +150,7 @@ void prepare(NodeBench& bench, const Setup& setup) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  // Uploading a table takes far longer than an input: the flash that has one is copied.
+  // Uploading a table takes far longer than one input: a flash that holds a table is copied.
   static const armtrue::storage::SimulatedFlash prepared = [] {
     NodeBench bench(true, true, {}, kSlotSize);
     bench.install(TestTable{}.image());

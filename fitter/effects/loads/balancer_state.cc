@@ -16,6 +16,7 @@ class BalancerState final : public Effect {
   }
 
   bool reads_springs() const override { return true; }
+  bool reads_carried() const override { return true; }
 
   std::vector<EffectOption> options() const override {
     return {{"sensor", "string", "temperature sensor, default the first"}};
@@ -43,6 +44,9 @@ class BalancerState final : public Effect {
                                      "abs" + gives + "*dir" + std::to_string(kAxis));
     friction.sign = -1;
     friction.sign_doubt = kCountedOtherwise;
+    pressure.terms.front().follows = {kLoad, Expression::parse(temperature_variable(request))};
+    friction.terms.front().follows = {
+        kLoad, Expression::parse("sign" + gives + "*dir" + std::to_string(kAxis))};
     terms.parameters = {pressure, friction};
     return terms;
   }

@@ -7,6 +7,7 @@ class GravityDirection final : public LoadEffect {
  public:
   std::string id() const override { return "gravity_direction"; }
   std::string summary() const override { return "robot base is not level"; }
+  double relative_odds() const override { return kOnMostArms; }
   std::string bound_text() const override {
     return "5e-2 rad: ours, a floor that slopes by 3 degrees is seen by eye";
   }

@@ -20,6 +20,7 @@ class MassParameters final : public LoadEffect {
   std::string summary() const override {
     return "masses, centres of mass or the payload's centre are not as stated";
   }
+  double relative_odds() const override { return kOnMostArms; }
   std::string bound_text() const override {
     return "each mass by itself, each centre by 0.1 m: ours, data sheets are 20 % and 15 mm off";
   }

@@ -1,4 +1,4 @@
-// libFuzzer over the reader and the joint path: an accepted table is harmless, whoever made it.
+// libFuzzer on the table reader and the joint path: every accepted table must be harmless.
 //
 // The first byte chooses how the rest is read: as it is (tests the envelope), or with length and
 // checksum corrected, so that changed contents pass the envelope. An accepted image then runs
