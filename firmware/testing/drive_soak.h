@@ -89,7 +89,6 @@ class DriveSoak {
   Joints taken_off_ = {};   // last taken off the actual positions
   Joints seen_ = target_;
   std::array<Drive, 6> drive_ = {};
-  std::uint32_t fresh_ = 0;
   std::uint32_t known_ = 0;       // bit k: delta_[k] was sent since the node's last start
   std::uint32_t seen_known_ = 0;  // bit k: likewise taken_off_[k]
   std::array<double, 6> credit_ = {};

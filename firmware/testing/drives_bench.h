@@ -45,7 +45,7 @@ inline std::string mode_name(const ::testing::TestParamInfo<Mode>& mode) {
 
 class DrivesTest : public ::testing::TestWithParam<Mode> {
  protected:
-  // 0.1 turn per second: increments in a cycle, rounded up.
+  // Increments in a cycle, a little more than 0.1 turn per second.
   static constexpr std::int32_t kRate = 106;
 
   DrivesTest() : offset_(GetParam() == Mode::kOffset), bench(!offset_) {

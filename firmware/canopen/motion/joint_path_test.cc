@@ -67,7 +67,7 @@ TEST_F(InlineTest, Targets_AreRewrittenByTheCompensatorsCorrection) {
   const Joints out = released(cycle(100));
   const Joints in = at_cycle(100);
   for (std::size_t k = 0; k < 6; ++k) {
-    // Size and sign of the correction: amplitude 2^20 of the motor coordinate's unit, times sin.
+    // Size and sign of the correction: TestTable's amplitude times the sine of the joint's angle.
     const double angle = 2.0 * M_PI * in[k] / std::pow(2.0, 20);
     EXPECT_NE(out[k], in[k]);
     EXPECT_LT(std::abs(out[k] - in[k]), 20000);
