@@ -224,7 +224,6 @@ void DriveSoak::forget_drives() {
   known_ = 0;
   seen_known_ = 0;
   take_output();
-  fresh_ = 0;
   known_ = 0;
 }
 
