@@ -200,12 +200,12 @@ bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::strin
   const std::string column = "dir" + std::to_string(s.joint);
   if (fit.state().recorded(column)) return false;
   const std::string unrecorded_payload =
-      fit.state().recorded("payload") ? "" : "; where the payload changed, record that too";
+      fit.state().recorded("payload") ? "" : "; if the payload changed, record that too";
   advice.push_back(
       (s.between_repeats ? "repeats of one pose differ" : "what is left lies") +
       std::string(" mostly along the motion of joint ") + std::to_string(s.joint) + " (" +
-      number_words(std::round(100.0 * s.share)) + " %): backlash looks so; record " + column +
-      ", the direction of approach, and come from both sides (where the arm went straight "
+      number_words(std::round(100.0 * s.share)) + " %), as backlash does: record " + column +
+      ", the direction of approach, and approach poses from both sides (if the arm went straight "
       "from row to row, `derive: {dir: from_order}` in a dataset.yaml takes it from that)" +
       unrecorded_payload);
   return true;
@@ -230,51 +230,56 @@ bool goes_with_time(const StructureFinding& f) {
 // The likely cause of a step in time, and what to do.
 std::string event_of_step(const StructureFinding& f, const Fit& fit) {
   if (is_load(f)) {
-    return "a load that was put on the tool or taken off looks so: record it in a column payload "
+    return "probable cause: a load was put on the tool or taken off; record it in a column payload "
            "[kg]";
   }
   if (f.coordinate.starts_with("base")) {
-    return "a knocked tracker or nest looks so: number the poses before and after it 1 and 2 in a "
-           "column station (or nest), and add that effect";
+    return "probable cause: the tracker or a nest was knocked; number the poses before and after "
+           "it 1 "
+           "and 2 in a column station (or nest), and add that effect";
   }
   const bool at_flange =
       f.coordinate.starts_with("link" + std::to_string(fit.robot().joint_count()) + ".t");
   if (f.coordinate.starts_with("tool.") || at_flange) {
-    return "a reflector that was taken out and put back, or was loose, looks so: number the poses "
+    return "probable cause: a reflector was taken out and put back, or was loose; number the poses "
            "before and after it 1 and 2 in a column nest, and add that effect";
   }
   if (f.coordinate.starts_with("tool[")) {
-    return "one reflector that was taken out and put back, or was loose, looks so: give it another "
+    return "probable cause: this reflector was taken out and put back, or was loose; give it "
+           "another "
            "name in the column target from then on";
   }
   if (f.coordinate.starts_with("link")) {
-    return "a part of the arm that moved looks so (a collision, a screw that came loose): fit the "
-           "poses after it alone, for they are of the arm as it is now";
+    return "probable cause: a part of the arm moved (a collision, a loose screw); fit only the "
+           "poses "
+           "after it, which are of the arm as it is now";
   }
-  return "a joint's zero that moved looks so (a new mastering, a belt that jumped a tooth): fit "
-         "the poses after it alone, for they are of the arm as it is now";
+  return "probable cause: a joint's zero moved (a new mastering, a belt that jumped a tooth); fit "
+         "only "
+         "the poses after it, which are of the arm as it is now";
 }
 
 // The likely cause that a finding's form indicates, and what to do; empty if it indicates none.
 std::string event_of(const StructureFinding& f, const Fit& fit) {
   if (is_motion(f)) {
-    return "backlash looks so: dataset.yaml's `derive: {dir: from_order}` takes directions from "
-           "the order of the rows; if the arm did not go straight from row to row, record " +
+    return "probable cause: backlash; `derive: {dir: from_order}` in a dataset.yaml takes "
+           "directions "
+           "from the order of the rows; if the arm did not go straight from row to row, record " +
            f.variables.front();
   }
   if (f.nodes > 0) {  // set by find_swings only
-    return "what comes and goes moves base or instrument (air conditioning, sunlight, a tracker's "
-           "stand): shield them, or measure a reflector on the floor between poses and see it "
-           "swing";
+    return "probable cause: base or instrument swing (air conditioning, sunlight, the tracker's "
+           "stand); shield them, or measure a reflector on the floor between poses to see it";
   }
   if (f.variables != std::vector<std::string>{"time"}) return "";
   if (is_step(f)) return event_of_step(f, fit);
   // No function of time is advised: its correction would go on growing after the session.
   return f.coordinate.starts_with("motor")
-             ? "a joint's zero that creeps looks so, as heat moves it: record temperatures "
-               "(temp_NAME), which the arm will meet again"
-             : "a base or an instrument that creeps looks so: number stretches of the session in a "
-               "column station, and add that effect, which is fitted and not exported";
+             ? "probable cause: a joint's zero creeps as it warms; record temperatures "
+               "(temp_NAME), which "
+               "the arm will meet again"
+             : "probable cause: base or instrument creep; number parts of the session in a column "
+               "station, and add that effect, which is fitted and not exported";
 }
 
 // True if the arm deflects under loads and no recorded column shows a change of the tool's load.
@@ -419,11 +424,11 @@ std::vector<std::string> advise(const Diagnosis& d, const Fit& fit,
   std::vector<std::string> advice;
   const Candidate* left_out = d.left_out();
   if (left_out && !d.recommended()) {
-    advice.push_back(label(left_out->request) + " (probability " +
-                     number_words(std::round(100.0 * left_out->probability)) +
-                     " %) was fitted and left out, for it predicts held-out poses no better: a "
-                     "column that is wrong, or what no effect of the catalogue is, may look like "
-                     "it, or chance");
+    advice.push_back(
+        label(left_out->request) + " (probability " +
+        number_words(std::round(100.0 * left_out->probability)) +
+        " %) was fitted and left out, because it does not lower the error on held-out "
+        "poses: a wrong column, an effect outside the catalogue or chance can imitate it");
   }
   if (d.verdict == Verdict::kMissingEffect) advise_missing(d, fit.robot(), advice);
   if (d.verdict == Verdict::kUnexplainedStructure) advise_structure(d, fit, advice);

@@ -114,7 +114,7 @@ def test_knock_may_be_a_load_only_if_none_is_recorded(payloads: list[float], tmp
 
     plan = {"arm": "kr30", "seed": 71, "poses": 120, "hidden": [], "payloads": payloads}
     advice = diagnose(fitted(plan, tmp_path, knock))["advice"]
-    assert any("a knocked tracker or nest looks so" in sentence for sentence in advice)
+    assert any("the tracker or a nest was knocked" in sentence for sentence in advice)
     assert any("the tool's load changed" in sentence for sentence in advice) == (payloads == [0.0])
 
 

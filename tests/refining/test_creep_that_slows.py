@@ -37,4 +37,4 @@ def test_creep_that_slows_down_is_named_time_drift(tmp_path: Path, seed: int) ->
     said = " ".join(last["advice"])
     assert "station" in said
     assert "custom" not in said
-    assert "backlash looks so" not in said
+    assert "as backlash does" not in said
