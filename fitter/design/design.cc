@@ -259,46 +259,9 @@ Eigen::Matrix<double, 6, 1> Design::whiten(std::size_t i,
   return result;
 }
 
-void Design::evaluate(std::size_t i, bool with_jacobian, Row& row) {
-  if (with_jacobian) basis_.make_slopes();
-  evaluate(i, with_jacobian, row, own_);
-}
-
-void Design::evaluate(std::size_t i, bool with_jacobian, Row& row, Workspace& w) const {
-  throw_if_cancelled();
-  coordinates_of(i, w);
-  const auto n = static_cast<std::size_t>(kinematics_.layout().joints);
-  const double* q = &state_->joints()[i * n];
-  const int target = measurements_->target[i];
-  row.predicted = with_jacobian ? w.kinematics.forward(q, w.coordinates.data(), target, w.geometric)
-                                : w.kinematics.forward(q, w.coordinates.data(), target);
-  const bool follows = with_jacobian && feedback_.stands();
-  if (follows) {
-    w.direct = w.geometric;
-    feedback_.follow(i, values_, w.geometric);
-  }
-
-  Eigen::Matrix<double, 6, 1> error = Eigen::Matrix<double, 6, 1>::Zero();
-  error.head<3>() =
-      row.predicted.translation() - measurements_->position.col(static_cast<Eigen::Index>(i));
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  if (residuals_per_row_ == 6) {
-    // Left perturbation: exp(dφ) · predicted changes the logarithm by J_l⁻¹(error) dφ, which is the
-    // identity at the solution.
-    const Eigen::Vector3d log =
-        rotation_log(row.predicted.linear() * measurements_->rotation[i].transpose());
-    error.tail<3>() = log;
-    turn = left_jacobian(log).inverse();
-  }
-  row.residual = whiten(i, error);
-  row.unknowns.clear();
-  if (!with_jacobian) return;
-
-  const double root = std::sqrt(weights_[i]);
-  const Eigen::Matrix3d whiten_position = root * measurements_->whiten_position[i];
-  const Eigen::Matrix3d whiten_rotation =
-      residuals_per_row_ == 6 ? Eigen::Matrix3d(root / measurements_->sigma_rotation * turn)
-                              : Eigen::Matrix3d::Zero();
+// Writes the derivatives of the row's pose by the unknowns that it touches into w.raw.
+void Design::differentiate(std::size_t i, Row& row, Workspace& w) const {
+  const bool follows = feedback_.stands();
   const auto most = static_cast<Eigen::Index>(w.entries.size() + carried_.followers().size() +
                                               model_->nonlinear.size());
   if (w.raw.cols() < most) w.raw.resize(6, most);
@@ -342,6 +305,50 @@ void Design::evaluate(std::size_t i, bool with_jacobian, Row& row, Workspace& w)
       add(s, p, e.coordinate, values_[p] * e.value);
     }
   }
+  for (const int unknown : row.unknowns) w.slot_of_unknown[static_cast<std::size_t>(unknown)] = -1;
+}
+
+void Design::evaluate(std::size_t i, bool with_jacobian, Row& row) {
+  if (with_jacobian) basis_.make_slopes();
+  evaluate(i, with_jacobian, row, own_);
+}
+
+void Design::evaluate(std::size_t i, bool with_jacobian, Row& row, Workspace& w) const {
+  throw_if_cancelled();
+  coordinates_of(i, w);
+  const auto n = static_cast<std::size_t>(kinematics_.layout().joints);
+  const double* q = &state_->joints()[i * n];
+  const int target = measurements_->target[i];
+  row.predicted = with_jacobian ? w.kinematics.forward(q, w.coordinates.data(), target, w.geometric)
+                                : w.kinematics.forward(q, w.coordinates.data(), target);
+  const bool follows = with_jacobian && feedback_.stands();
+  if (follows) {
+    w.direct = w.geometric;
+    feedback_.follow(i, values_, w.geometric);
+  }
+
+  Eigen::Matrix<double, 6, 1> error = Eigen::Matrix<double, 6, 1>::Zero();
+  error.head<3>() =
+      row.predicted.translation() - measurements_->position.col(static_cast<Eigen::Index>(i));
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  if (residuals_per_row_ == 6) {
+    // Left perturbation: exp(dφ) · predicted changes the logarithm by J_l⁻¹(error) dφ, which is the
+    // identity at the solution.
+    const Eigen::Vector3d log =
+        rotation_log(row.predicted.linear() * measurements_->rotation[i].transpose());
+    error.tail<3>() = log;
+    turn = left_jacobian(log).inverse();
+  }
+  row.residual = whiten(i, error);
+  row.unknowns.clear();
+  if (!with_jacobian) return;
+
+  differentiate(i, row, w);
+  const double root = std::sqrt(weights_[i]);
+  const Eigen::Matrix3d whiten_position = root * measurements_->whiten_position[i];
+  const Eigen::Matrix3d whiten_rotation =
+      residuals_per_row_ == 6 ? Eigen::Matrix3d(root / measurements_->sigma_rotation * turn)
+                              : Eigen::Matrix3d::Zero();
   const auto touched = static_cast<Eigen::Index>(row.unknowns.size());
   row.jacobian.resize(6, touched);
   for (Eigen::Index s = 0; s < touched; ++s) {
@@ -349,7 +356,6 @@ void Design::evaluate(std::size_t i, bool with_jacobian, Row& row, Workspace& w)
     if (residuals_per_row_ == 6)
       row.jacobian.col(s).tail<3>().noalias() = whiten_rotation * w.raw.col(s).tail<3>();
   }
-  for (const int unknown : row.unknowns) w.slot_of_unknown[static_cast<std::size_t>(unknown)] = -1;
 }
 
 std::vector<Pose> predict_poses(const State& state, const std::vector<int>& target,

@@ -185,6 +185,7 @@ class Design {
 
  private:
   void coordinates_of(std::size_t i, Workspace& workspace) const;
+  void differentiate(std::size_t i, Row& row, Workspace& workspace) const;
 
   const State* state_;
   const Measurements* measurements_;
