@@ -235,8 +235,7 @@ std::string event_of_step(const StructureFinding& f, const Fit& fit) {
   }
   if (f.coordinate.starts_with("base")) {
     return "probable cause: the tracker or a nest was knocked; number the poses before and after "
-           "it 1 "
-           "and 2 in a column station (or nest), and add that effect";
+           "it 1 and 2 in a column station (or nest), and add that effect";
   }
   const bool at_flange =
       f.coordinate.starts_with("link" + std::to_string(fit.robot().joint_count()) + ".t");
@@ -246,25 +245,22 @@ std::string event_of_step(const StructureFinding& f, const Fit& fit) {
   }
   if (f.coordinate.starts_with("tool[")) {
     return "probable cause: this reflector was taken out and put back, or was loose; give it "
-           "another "
-           "name in the column target from then on";
+           "another name in the column target from then on";
   }
   if (f.coordinate.starts_with("link")) {
     return "probable cause: a part of the arm moved (a collision, a loose screw); fit only the "
-           "poses "
-           "after it, which are of the arm as it is now";
+           "poses after it, which are of the arm as it is now";
   }
   return "probable cause: a joint's zero moved (a new mastering, a belt that jumped a tooth); fit "
-         "only "
-         "the poses after it, which are of the arm as it is now";
+         "only the poses after it, which are of the arm as it is now";
 }
 
 // The likely cause that a finding's form indicates, and what to do; empty if it indicates none.
 std::string event_of(const StructureFinding& f, const Fit& fit) {
   if (is_motion(f)) {
     return "probable cause: backlash; `derive: {dir: from_order}` in a dataset.yaml takes "
-           "directions "
-           "from the order of the rows; if the arm did not go straight from row to row, record " +
+           "directions from the order of the rows; if the arm did not go straight from row to row, "
+           "record " +
            f.variables.front();
   }
   if (f.nodes > 0) {  // set by find_swings only
@@ -276,8 +272,7 @@ std::string event_of(const StructureFinding& f, const Fit& fit) {
   // No function of time is advised: its correction would go on growing after the session.
   return f.coordinate.starts_with("motor")
              ? "probable cause: a joint's zero creeps as it warms; record temperatures "
-               "(temp_NAME), which "
-               "the arm will meet again"
+               "(temp_NAME), which the arm will meet again"
              : "probable cause: base or instrument creep; number parts of the session in a column "
                "station, and add that effect, which is fitted and not exported";
 }

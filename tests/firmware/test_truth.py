@@ -64,7 +64,7 @@ def table(path: Path) -> dict[str, np.ndarray]:
 
 
 def reach_m(arm: str) -> float:
-    """The reach of the arm, for the one on a rail without the rail."""
+    """The reach of the arm; the travel of a rail does not count."""
     if arm == "rail":
         return reach_m("kr30")
     return float(arms.full_arm(arm).chain.reach_m)

@@ -12,7 +12,8 @@ from armtrue_sim import simulate
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2])
 def test_pattern_too_fine_to_be_named_is_not_called_noise(seed: int, tmp_path: Path) -> None:
-    # The pattern moves one joint: it was taken for that joint's repeatability, by which repeats were then judged.
+    # The pattern moves one joint. It was taken for poor repeatability of that joint, and repeats were then compared
+    # with this repeatability.
     fine = {
         "effect": "custom", "name": "fine", "coordinate": "motor2", "expression": "sin(37*q1)*cos(41*q3)",
         "joints": [1, 3], "value": 6e-5,
