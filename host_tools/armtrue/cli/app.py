@@ -24,7 +24,7 @@ READER_GONE = 141
 
 
 class _Commands(GuardedGroup):
-    """All commands: the module that adds each, and its line of the help; a module is imported when its command runs."""
+    """All commands: the module of each, and its line of the help; a module is imported when its command runs."""
 
     homes: ClassVar[dict[str, tuple[str, str]]] = {
         "init": ("init", "Read foreign measurement files and write robot.yaml, dataset.yaml and model.yaml."),
@@ -37,7 +37,10 @@ class _Commands(GuardedGroup):
         "diagnose": ("diagnosis", "Say which physical effect a fit lacks, on which joint, how sure that is."),
         "refine": ("diagnosis", "Diagnose and add until nothing is missing."),
         "report": ("diagnosis", "Write one self-contained HTML page: what is missing, how the error fell."),
-        "open": ("workbench", "Open the workbench, a page in the browser that adds and removes effects."),
+        "open": (
+            "workbench.open_workbench",
+            "Open the workbench, a page in the browser that adds and removes effects.",
+        ),
         "plan": ("planning", "Choose the poses to measure: for a first campaign, or to settle what is open."),
         "export": ("tables", "Write the firmware's table image for a fit."),
         "compensate": (
@@ -49,8 +52,8 @@ class _Commands(GuardedGroup):
         "simulate": ("campaign", "Simulate a campaign with known truth."),
         "effects": ("catalogue", "List the effects; of one, its formula, course, bound and options."),
         "explain": ("explain", "Say what a word of reports and messages means."),
-        "tables": ("tables", "Look into table images."),
-        "device": ("device", "Ask and manage a compensator on a bus."),
+        "tables": ("tables.tables_app", "Look into table images."),
+        "device": ("device.app", "Ask and manage a compensator on a bus."),
     }
 
 

@@ -11,11 +11,6 @@ from armtrue.cli.shared.output import Output
 from armtrue.errors import InputError
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command()(simulate)
-
-
 def simulate(
     scenario: Annotated[
         Path,

@@ -21,11 +21,6 @@ _JOINTS = {
 }
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command()(effects)
-
-
 def effects(
     effect: Annotated[
         str | None, typer.Argument(metavar="EFFECT", help="One effect, with its options.")

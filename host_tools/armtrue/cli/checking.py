@@ -18,11 +18,6 @@ if TYPE_CHECKING:
 _MARKS = {"error": "✗ error", "warning": "! warning", "note": "· note"}
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command()(check)
-
-
 def check(
     data: DataArgument,
     robot: RobotOption,

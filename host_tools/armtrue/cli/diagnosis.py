@@ -14,13 +14,6 @@ from armtrue.cli.shared.output import Output, waiting
 from armtrue.cli.shared.waterfall import Waterfall
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the commands to `app`."""
-    app.command()(diagnose)
-    app.command()(refine)
-    app.command()(report)
-
-
 def diagnose(fit_file: FitArgument, data: MovedDataOption = None, json_to: JsonOption = None) -> None:
     """Say which physical effect a fit lacks, on which joint, how sure that is, and what else it could be.
 

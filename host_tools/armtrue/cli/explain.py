@@ -12,11 +12,6 @@ from armtrue.errors import InputError, did_you_mean
 from armtrue.io.catalogue import catalogue
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command()(explain)
-
-
 def explain(
     term: Annotated[list[str] | None, typer.Argument(metavar="TERM", help="A word of a report.")] = None,
 ) -> None:

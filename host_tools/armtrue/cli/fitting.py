@@ -44,13 +44,6 @@ EffectOption = Annotated[
 ]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the commands to `app`."""
-    app.command()(fit)
-    app.command()(add)
-    app.command()(remove)
-
-
 def fit(
     data: DataArgument,
     robot: RobotOption,

@@ -12,11 +12,6 @@ from armtrue.cli.shared.options import SkipBadOption
 from armtrue.cli.shared.output import Output
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command()(init)
-
-
 def init(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE…", help="Measurements as exported: CSV, TXT, XLSX.")

@@ -25,11 +25,6 @@ _MOST_POSES = 2000
 _DISTINCT_SHOWN = 6
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command()(plan)
-
-
 def plan(
     fit_file: Annotated[
         Path | None, typer.Argument(metavar="[FIT]", help="A fit whose ambiguity to settle.")

@@ -26,12 +26,6 @@ from armtrue.io.files import csv_text, refuse_to_lose, write_file
 _COVARIANCES = {"cxx": (0, 0), "cxy": (0, 1), "cxz": (0, 2), "cyy": (1, 1), "cyz": (1, 2), "czz": (2, 2)}
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the commands to `app`."""
-    app.command()(predict)
-    app.command()(compare)
-
-
 def predict(
     fit_file: FitArgument,
     poses: PosesArgument,

@@ -20,14 +20,6 @@ from armtrue.tables.compensate import Engine
 tables_app = typer.Typer(no_args_is_help=True, help="Look into table images.")
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the commands to `app`."""
-    app.command()(export)
-    app.command()(compensate)
-    app.command()(keygen)
-    app.add_typer(tables_app, name="tables")
-
-
 def export(
     fit_file: FitArgument,
     out: OutOption,

@@ -19,11 +19,6 @@ if TYPE_CHECKING:
 _HIGHEST_PORT = 65535
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command("open")(open_workbench)
-
-
 def open_workbench(
     files: Annotated[
         list[Path] | None,

@@ -110,7 +110,8 @@ typer.core.HAS_RICH = False
 class GuardedGroup(typer.core.TyperGroup):
     """The group of all commands; this module checks their arguments before any of them begins.
 
-    `homes`: command → the module of `cli` that adds it, imported when the command runs, and its line of the help.
+    `homes`: command → its module in `cli`, imported when the command runs, with the name there if another than the
+    command's; and its line of the help.
     """
 
     homes: ClassVar[dict[str, tuple[str, str]]] = {}
@@ -152,11 +153,14 @@ class GuardedGroup(typer.core.TyperGroup):
         if name not in self.commands:
             part = typer.Typer(pretty_exceptions_enable=False)
             part.callback()(lambda: None)
-            importlib.import_module(f"armtrue.cli.{self.homes[name][0]}").add_to(part)
-            # A module may add several commands; all are stored, so that it is not loaded again for the others.
-            for own, command in typer.main.get_group(part).commands.items():
-                self.commands[own] = command
-                _guard(own, command)
+            module, _, own = self.homes[name][0].partition(".")
+            home = getattr(importlib.import_module(f"armtrue.cli.{module}"), own or name)
+            if isinstance(home, typer.Typer):
+                part.add_typer(home, name=name)
+            else:
+                part.command(name)(home)
+            self.commands[name] = typer.main.get_group(part).commands[name]
+            _guard(name, self.commands[name])
         return self.commands[name]
 
     def resolve_command(
@@ -194,14 +198,11 @@ def _guard(name: str, command: click.Command) -> None:
         for under, own in command.commands.items():
             _guard(under, own)
         return
-    if getattr(command, "is_guarded", False):
-        return
     command.help = re.sub(_EXAMPLE, _on_one_line, command.help or "")
     for parameter in command.params:
         if parameter.default is None:
             parameter.show_default = False  # type: ignore[attr-defined]
     run = command.invoke
-
     named = {parameter.name for parameter in command.params if isinstance(parameter.type, click.Path)}
 
     def invoke(ctx: click.Context) -> Any:
@@ -212,4 +213,3 @@ def _guard(name: str, command: click.Command) -> None:
         return run(ctx)
 
     command.invoke = invoke  # type: ignore[method-assign]
-    command.is_guarded = True  # type: ignore[attr-defined]
