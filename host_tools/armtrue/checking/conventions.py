@@ -6,8 +6,9 @@ after base and tool are found without starting values; each further change must 
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,7 +62,7 @@ class _Judged:
 
 
 def find(
-    columns: Columns, robot: Robot, more: Callable[[Reading], list[Hypothesis]] = lambda _: []
+    columns: Columns, robot: Robot, more: Callable[[Reading], Iterable[Hypothesis]] = lambda _: ()
 ) -> list[Finding]:
     """One error for each wrong convention, or a single one if the positions follow the joints under no hypothesis.
 
@@ -74,7 +75,7 @@ def find(
     if start.rms_m <= start.floor_m / _CONVINCING:
         return []
     far_off = start.rms_m > search.widest_m
-    best, as_well = search.best(more(reading) if far_off else [])
+    best, as_well = search.best(more(reading) if far_off else ())
     if best.hypothesis is not None and best.rms_m <= search.widest_m:
         return _findings(best, as_well, start.rms_m)
     if not far_off:
@@ -100,7 +101,7 @@ class _Search:
         """The unchanged file, and beside it its scale if that explains the points; see `_aligned`."""
         return self._aligned(None)
 
-    def best(self, more: list[Hypothesis]) -> tuple[_Judged, list[str]]:
+    def best(self, more: Iterable[Hypothesis]) -> tuple[_Judged, list[str]]:
         """The first hypothesis whose score is within `_AS_WELL` of the lowest (None: no change), and its rivals.
 
         `more`: hypotheses that compete in addition to those about conventions.
@@ -112,7 +113,8 @@ class _Search:
         judged += self._judge([*singles, *odd_zeros], min(one.score for one in judged))
         lowest = min(one.score for one in judged)
         if lowest > self._lowest_score(changes=2):
-            several = [*_pairs(singles), *hypotheses.sign_patterns(self._robot)]
+            pairs = (hypotheses.pair(*both) for both in itertools.combinations(singles, 2))
+            several = [*filter(None, pairs), *hypotheses.sign_patterns(self._robot)]
             judged += self._judge(several, lowest)
         judged += self._with_one_more(min(judged, key=lambda one: one.score), singles)
         lowest = min(one.score for one in judged)
@@ -159,8 +161,8 @@ class _Search:
         """Three mistakes at once: the best hypothesis so far, combined with each single one."""
         if best.hypothesis is None or best.changes < 2 or best.score <= self._lowest_score(changes=3):
             return []
-        more = [hypotheses.pair(best.hypothesis, one) for one in singles]
-        return self._judge([one for one in more if one is not None], best.score)
+        more = (hypotheses.pair(best.hypothesis, one) for one in singles)
+        return self._judge([*filter(None, more)], best.score)
 
     def _judge(self, candidates: Sequence[Hypothesis], to_beat: float) -> list[_Judged]:
         """Those of `candidates` whose bound may beat `to_beat`, aligned in full, in their given order."""
@@ -206,11 +208,6 @@ class _Search:
         if both is None or latest.rms_m > self.widest_m:
             return judged
         return [*judged, _Judged(both, latest.rms_m, self._floor_m, self._spread_m / scale)]
-
-
-def _pairs(singles: list[Hypothesis]) -> list[Hypothesis]:
-    both = (hypotheses.pair(one, other) for at, one in enumerate(singles) for other in singles[at + 1 :])
-    return [pair for pair in both if pair is not None]
 
 
 def _findings(best: _Judged, as_well: list[str], start_m: float) -> list[Finding]:

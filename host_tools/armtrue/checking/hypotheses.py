@@ -78,9 +78,9 @@ def scale(factor: float, robot: Robot) -> Hypothesis:
 def singles(robot: Robot) -> list[Hypothesis]:
     """Every single mistake, the likelier first."""
     return [
-        *_signs(robot),
+        *(_turned((k,), changes=1, robot=robot) for k in robot.motors),
         *_couplings(robot),
-        *_zeros(robot),
+        *(zero(k, degrees, robot) for k in joints_with_a_zero(robot) for degrees in (90.0, -90.0, 180.0)),
         *_angles_of_joints(robot),
         *_conventions_of_the_table(robot),
         *_orders(robot),
@@ -95,11 +95,6 @@ def sign_patterns(robot: Robot) -> Iterator[Hypothesis]:
     for size in range(3, len(joints)):
         for pattern in itertools.combinations(joints, size):
             yield _turned(pattern, changes=2, robot=robot)
-
-
-def _signs(robot: Robot) -> Iterator[Hypothesis]:
-    for k in robot.motors:
-        yield _turned((k,), changes=1, robot=robot)
 
 
 def _turned(pattern: tuple[int, ...], changes: int, robot: Robot) -> Hypothesis:
@@ -121,11 +116,6 @@ def _turned(pattern: tuple[int, ...], changes: int, robot: Robot) -> Hypothesis:
 def joints_with_a_zero(robot: Robot) -> list[int]:
     """Joints whose zero is tested: not the first and the last, whose zeros turn base and tool, which are fitted."""
     return [k for k in range(2, robot.joint_count) if robot.joints[k - 1]["type"] == "revolute"]
-
-
-def _zeros(robot: Robot) -> Iterator[Hypothesis]:
-    for k, degrees in itertools.product(joints_with_a_zero(robot), (90.0, -90.0, 180.0)):
-        yield zero(k, degrees, robot)
 
 
 def zero(joint: int, degrees: float, robot: Robot) -> Hypothesis:

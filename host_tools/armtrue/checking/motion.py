@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,8 +49,7 @@ def name_rows(data: Dataset, which: NDArray[np.bool_]) -> str:
     return f"rows {', '.join(rows[:_ROWS_NAMED])}, … ({len(rows)} in all)"
 
 
-def _out_of_limits(data: Dataset, robot: Robot) -> list[Finding]:
-    findings = []
+def _out_of_limits(data: Dataset, robot: Robot) -> Iterator[Finding]:
     for k, joint in enumerate(robot.joints, start=1):
         if "limits" not in joint:
             continue
@@ -64,57 +64,48 @@ def _out_of_limits(data: Dataset, robot: Robot) -> list[Finding]:
         if outside.any():
             furthest = float(np.max(np.maximum(lo - values, values - hi)))
             done = "turned" if k in robot.passive else "commanded"
-            findings.append(
-                Finding(
-                    "out_of_limits",
-                    "warning",
-                    f"joint {k} is {done} beyond its limits by up to {_amount(furthest, joint)}: "
-                    f"{name_rows(data, outside)}",
-                    {"joint": k, "rows": data.rows[outside].tolist(), "limits": [lo, hi], "beyond": furthest},
-                    f"Correct the limits of joint {k} in {robot.kinematics_file}, or look for a wrong sign, offset "
-                    "or unit.",
-                )
+            yield Finding(
+                "out_of_limits",
+                "warning",
+                f"joint {k} is {done} beyond its limits by up to {_amount(furthest, joint)}: "
+                f"{name_rows(data, outside)}",
+                {"joint": k, "rows": data.rows[outside].tolist(), "limits": [lo, hi], "beyond": furthest},
+                f"Correct the limits of joint {k} in {robot.kinematics_file}, or look for a wrong sign, offset "
+                "or unit.",
             )
-    return findings
 
 
 def _amount(value: float, joint: dict[str, object]) -> str:
     return f"{math.degrees(value):.2f}°" if joint["type"] == "revolute" else f"{value * 1000:.2f} mm"
 
 
-def _standstill(data: Dataset, robot: Robot) -> list[Finding]:
-    findings = []
+def _standstill(data: Dataset, robot: Robot) -> Iterator[Finding]:
     for k, joint in enumerate(robot.joints, start=1):
         if k in robot.passive:
             continue
         span = float(np.ptp(data.columns[f"q{k}"]))
         evidence = {"joint": k, "range": span}
         if span < _STILL_RAD:
-            findings.append(
-                Finding(
-                    "joint_never_moves",
-                    "warning",
-                    f"joint {k} never moves: its axis and its effects cannot be told from these data",
-                    evidence,
-                    f"Measure poses that turn joint {k}; until then a fit holds it at its nominal values. Where it has "
-                    "no motor, as where bars keep a flange level, say 'passive: true' of it in robot.yaml and under "
-                    "'coupling' what turns it: it is then never corrected.",
-                )
+            yield Finding(
+                "joint_never_moves",
+                "warning",
+                f"joint {k} never moves: its axis and its effects cannot be told from these data",
+                evidence,
+                f"Measure poses that turn joint {k}; until then a fit holds it at its nominal values. Where it has "
+                "no motor, as where bars keep a flange level, say 'passive: true' of it in robot.yaml and under "
+                "'coupling' what turns it: it is then never corrected.",
             )
         elif joint["type"] == "revolute" and span < _NARROW_RAD:
-            findings.append(
-                Finding(
-                    "joint_hardly_moves",
-                    "note",
-                    f"joint {k} moves by {math.degrees(span):.1f}° only: its axis is known poorly outside that range",
-                    evidence,
-                    f"Measure poses that turn joint {k} further.",
-                )
+            yield Finding(
+                "joint_hardly_moves",
+                "note",
+                f"joint {k} moves by {math.degrees(span):.1f}° only: its axis is known poorly outside that range",
+                evidence,
+                f"Measure poses that turn joint {k} further.",
             )
-    return findings
 
 
-def _read_back(data: Dataset, robot: Robot) -> list[Finding]:
+def _read_back(data: Dataset, robot: Robot) -> Iterator[Finding]:
     worst: tuple[float, int] = (0.0, 0)
     evidence: dict[str, float] = {}
     for k, joint in enumerate(robot.joints, start=1):
@@ -126,17 +117,15 @@ def _read_back(data: Dataset, robot: Robot) -> list[Finding]:
         at_tool = rms * (robot.reach_m if joint["type"] == "revolute" else 1.0)
         worst = max(worst, (at_tool, k))
     if not evidence or worst[0] < _READBACK_AT_TOOL_M:
-        return []
-    return [
-        Finding(
-            "not_settled",
-            "warning",
-            f"joints as read back differ from the command, most on joint {worst[1]}: up to "
-            f"{worst[0] * 1e6:.0f} µm RMS at full reach, as when they were read before the arm had settled",
-            evidence,
-            "Fit the commanded joints, and add the effect command_readback to see which of the two the arm followed.",
-        )
-    ]
+        return
+    yield Finding(
+        "not_settled",
+        "warning",
+        f"joints as read back differ from the command, most on joint {worst[1]}: up to "
+        f"{worst[0] * 1e6:.0f} µm RMS at full reach, as when they were read before the arm had settled",
+        evidence,
+        "Fit the commanded joints, and add the effect command_readback to see which of the two the arm followed.",
+    )
 
 
 def pose_keys(data: Dataset) -> NDArray[np.int64]:
@@ -145,23 +134,20 @@ def pose_keys(data: Dataset) -> NDArray[np.int64]:
     return np.column_stack([poses, data.columns.get("target", np.zeros(data.count)).astype(np.int64)])
 
 
-def _repeats(data: Dataset) -> list[Finding]:
-    findings: list[Finding] = []
+def _repeats(data: Dataset) -> Iterator[Finding]:
     keys = pose_keys(data)
     _, pose_of_row, sizes = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
     again = sizes[pose_of_row] > 1
     if "repeat" in data.columns:
-        findings += _repeats_that_differ(data)
+        yield from _repeats_that_differ(data)
     elif again.any():
         scatter = _scatter(data, pose_of_row, again)
-        findings.append(
-            Finding(
-                "repeated_poses",
-                "note",
-                f"{int((sizes > 1).sum())} poses are measured more than once{scatter}, and no column 'repeat' says so",
-                {"rows": data.rows[again].tolist()},
-                "Add a column 'repeat' with the same id for the same pose: repeats tell the noise floor.",
-            )
+        yield Finding(
+            "repeated_poses",
+            "note",
+            f"{int((sizes > 1).sum())} poses are measured more than once{scatter}, and no column 'repeat' says so",
+            {"rows": data.rows[again].tolist()},
+            "Add a column 'repeat' with the same id for the same pose: repeats tell the noise floor.",
         )
     if data.has_positions:
         # Rounding can give readings of one pose the same position: then only rows equal in every column are copies.
@@ -176,17 +162,14 @@ def _repeats(data: Dataset) -> list[Finding]:
                 if is_rounded
                 else "the same joints and the same position to the nanometre"
             )
-            findings.append(
-                Finding(
-                    "duplicate_rows",
-                    "warning",
-                    f"{same} stand more than once: {name_rows(data, copies)}",
-                    {"rows": data.rows[copies].tolist()},
-                    "Take the copies out. A fit leaves out those that are equal in every column; others count as "
-                    "independent measurements and make it look surer than it is.",
-                )
+            yield Finding(
+                "duplicate_rows",
+                "warning",
+                f"{same} stand more than once: {name_rows(data, copies)}",
+                {"rows": data.rows[copies].tolist()},
+                "Take the copies out. A fit leaves out those that are equal in every column; others count as "
+                "independent measurements and make it look surer than it is.",
             )
-    return findings
 
 
 def _scatter(data: Dataset, pose_of_row: NDArray[np.intp], again: NDArray[np.bool_]) -> str:
@@ -219,17 +202,15 @@ def scatter_m(positions: Array, pose_of_row: NDArray[np.intp]) -> float:
     return math.sqrt(float(((positions - (sums / sizes[:, None])[pose]) ** 2).sum()) / freedom)
 
 
-def _repeats_that_differ(data: Dataset) -> list[Finding]:
+def _repeats_that_differ(data: Dataset) -> Iterator[Finding]:
     codes = data.columns["repeat"].astype(np.int64)
     first_row = np.zeros(int(codes.max()) + 1, dtype=np.int64)
     seen, first = np.unique(codes, return_index=True)
     first_row[seen] = first
     apart = np.abs(data.joints - data.joints[first_row[codes]]).max(axis=1)
     differ = apart > 1e-3
-    if not differ.any():
-        return []
-    return [
-        Finding(
+    if differ.any():
+        yield Finding(
             "repeat_differs",
             "error",
             f"rows with the same 'repeat' have different joints, by up to {math.degrees(float(apart.max())):.2f}°: "
@@ -237,13 +218,12 @@ def _repeats_that_differ(data: Dataset) -> list[Finding]:
             {"rows": data.rows[differ].tolist(), "apart": float(apart.max())},
             "Give each pose an id of its own in the column 'repeat'.",
         )
-    ]
 
 
-def _lost_positions(data: Dataset) -> list[Finding]:
+def _lost_positions(data: Dataset) -> Iterator[Finding]:
     """Rows without a position, or a coordinate that no row has."""
     if not data.has_positions:
-        return []
+        return
     evidence: dict[str, object]
     lost, never = data.lost, [name for name in "xyz" if not data.columns[name].any()]
     if lost.any():
@@ -256,59 +236,53 @@ def _lost_positions(data: Dataset) -> list[Finding]:
         message = f"{' and '.join(never)} {are} 0 in all rows: nothing was measured there"
         evidence, remedy = {"columns": never}, "Record x, y and z of every pose."
     else:
-        return []
-    return [Finding("no_position", "error", message, evidence, remedy)]
+        return
+    yield Finding("no_position", "error", message, evidence, remedy)
 
 
-def _stale_positions(data: Dataset) -> list[Finding]:
+def _stale_positions(data: Dataset) -> Iterator[Finding]:
     if not data.has_positions or data.count < 2:
-        return []
+        return
     same_place = np.abs(np.diff(data.positions_m, axis=0)).max(axis=1) < 1e-9
     moved = np.abs(np.diff(data.joints, axis=0)).max(axis=1) > 1e-3
     if "target" in data.columns:
         moved &= np.diff(data.columns["target"]) == 0
     stale = np.concatenate([[False], same_place & moved])
-    if not stale.any():
-        return []
-    return [
-        Finding(
+    if stale.any():
+        yield Finding(
             "stale_position",
             "error",
             f"the position is that of the row before to the nanometre although the arm moved: {name_rows(data, stale)}",
             {"rows": data.rows[stale].tolist()},
             "Take these rows out: the instrument had not measured again.",
         )
-    ]
 
 
-def _order_of_time(data: Dataset) -> list[Finding]:
+def _order_of_time(data: Dataset) -> Iterator[Finding]:
     if "time" not in data.columns or data.count < 2:
-        return []
+        return
     time = data.columns["time"]
     back = np.concatenate([[False], np.diff(time) < 0.0])
     if not back.any():
-        return []
+        return
     since = time - time.min()
     before, after = np.concatenate([[0.0], since[:-1]]), np.append(since[1:], 0.0)
     evidence = {"rows": data.rows[back].tolist()}
     begins = (since < _AGAIN * before) & (after < before)
     if np.mean(back) < _MOST_SESSIONS and begins[back].all():
-        return [
-            Finding(
-                "time_begins_again",
-                "warning",
-                f"time begins again at {name_rows(data, back)}, as the clock of each session does",
-                evidence,
-                "Add to the times of each session when it began: sessions at once are one session, and the way of the "
-                "joints and what drifts are told by the order of time.",
-            )
-        ]
-    return [
-        Finding(
-            "time_goes_back",
+        yield Finding(
+            "time_begins_again",
             "warning",
-            f"time goes back at {name_rows(data, back)}",
+            f"time begins again at {name_rows(data, back)}, as the clock of each session does",
             evidence,
-            "Put the rows in order of time (dataset.yaml: 'sort_by: time'), or correct the clock.",
+            "Add to the times of each session when it began: sessions at once are one session, and the way of the "
+            "joints and what drifts are told by the order of time.",
         )
-    ]
+        return
+    yield Finding(
+        "time_goes_back",
+        "warning",
+        f"time goes back at {name_rows(data, back)}",
+        evidence,
+        "Put the rows in order of time (dataset.yaml: 'sort_by: time'), or correct the clock.",
+    )

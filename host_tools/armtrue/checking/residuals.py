@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -29,15 +30,13 @@ def gross_limit_m(residual_m: Array) -> float:
     return max(_GROSS_M, centre + _GROSS_DEVIATIONS * spread)
 
 
-def find_gross(data: Dataset, alignment: Alignment) -> list[Finding]:
+def find_gross(data: Dataset, alignment: Alignment) -> Iterator[Finding]:
     """A warning that names the rows whose position stands out from all others."""
     residual = alignment.residual_m
     centre = float(np.median(residual))
     gross = residual > gross_limit_m(residual)
-    if not gross.any():
-        return []
-    return [
-        Finding(
+    if gross.any():
+        yield Finding(
             "gross_errors",
             "warning",
             f"{name_rows(data, gross)}: up to {float(residual[gross].max()) * 1000:.1f} mm off, where half of all rows "
@@ -45,32 +44,29 @@ def find_gross(data: Dataset, alignment: Alignment) -> list[Finding]:
             {"rows": data.rows[gross].tolist(), "residual_m": residual[gross].tolist()},
             "Look whether the reflector was bumped or another one was sighted; a fit keeps such rows out.",
         )
-    ]
 
 
-def find_stated_poses(data: Dataset, alignment: Alignment, robot: Robot) -> list[Finding]:
+def find_stated_poses(data: Dataset, alignment: Alignment, robot: Robot) -> Iterator[Finding]:
     """A note if base and tool of robot.yaml put the points far from where they were measured; a fit finds its own."""
     base, tool = robot.spec.get("base"), robot.spec.get("tool")
     if base is None or tool is None or len(alignment.flange_from_tool) != 1:
-        return []
+        return
     apart = np.linalg.norm(data.positions_m - nominal_positions(data, robot, base, tool), axis=1)
     off = float(np.median(apart))
     if off < _STATED_APART_M + 3.0 * alignment.rms_m:
-        return []
+        return
     found_tool = next(iter(alignment.flange_from_tool.values()))
-    return [
-        Finding(
-            "base_or_tool_elsewhere",
-            "note",
-            f"with base and tool as robot.yaml states them the points lie {off * 1000:.0f} mm from where they are "
-            "measured",
-            {
-                "stated": {"base": base, "tool": tool},
-                "found": {"base": alignment.measuring_from_base, "tool": found_tool},
-            },
-            "Nothing to do for a fit, which finds both from the data; correct robot.yaml to be rid of this note.",
-        )
-    ]
+    yield Finding(
+        "base_or_tool_elsewhere",
+        "note",
+        f"with base and tool as robot.yaml states them the points lie {off * 1000:.0f} mm from where they are "
+        "measured",
+        {
+            "stated": {"base": base, "tool": tool},
+            "found": {"base": alignment.measuring_from_base, "tool": found_tool},
+        },
+        "Nothing to do for a fit, which finds both from the data; correct robot.yaml to be rid of this note.",
+    )
 
 
 def nominal_positions(data: Dataset, robot: Robot, base: dict[str, Any], tool: dict[str, Any]) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -102,7 +103,7 @@ def refuse_what_cannot_be_an_arm(data: Dataset, robot: Robot) -> list[str]:
                 f"{data.path}: {finding.message}; to mend it: {finding.remedy.rstrip('.')} "
                 "('armtrue check' says more, --force fits all the same)"
             )
-    return _with_remedies([finding for finding in findings if finding.severity == "warning"])
+    return _with_remedies(finding for finding in findings if finding.severity == "warning")
 
 
 def warnings_of_fit(base: dict[str, Any], robot: Robot) -> list[str]:
@@ -110,7 +111,7 @@ def warnings_of_fit(base: dict[str, Any], robot: Robot) -> list[str]:
     return _with_remedies(gravity.find(base, robot))
 
 
-def _with_remedies(findings: list[Finding]) -> list[str]:
+def _with_remedies(findings: Iterable[Finding]) -> list[str]:
     return [f"{finding.message}. {finding.remedy}" for finding in findings]
 
 

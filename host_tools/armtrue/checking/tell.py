@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -38,9 +39,8 @@ def find(data: Dataset, robot: Robot) -> list[Finding]:
     return [*_coverage(data, robot), *_never_change(data), *_of_a_fit(data, robot)]
 
 
-def _never_change(data: Dataset) -> list[Finding]:
+def _never_change(data: Dataset) -> Iterator[Finding]:
     """Notes on recorded columns that carry no information, as they have one value in all rows."""
-    findings = []
     other_signs = directions.are_zero_or_one(data)
     for name, values in data.columns.items():
         joint = _DIRECTION.fullmatch(name)
@@ -56,16 +56,13 @@ def _never_change(data: Dataset) -> list[Finding]:
             else "what depends on it looks like what is there at all poses, a zero or a length"
         )
         or_none = " or 0" if joint and not values.all() else ""
-        findings.append(
-            Finding(
-                "never_changes",
-                "note",
-                f"column {name}: found {sides[0]:g}{or_none} in all rows: {confused}",
-                {"columns": [name], "value": float(sides[0])},
-                _FROM_BOTH_SIDES if joint else _OTHER_VALUES,
-            )
+        yield Finding(
+            "never_changes",
+            "note",
+            f"column {name}: found {sides[0]:g}{or_none} in all rows: {confused}",
+            {"columns": [name], "value": float(sides[0])},
+            _FROM_BOTH_SIDES if joint else _OTHER_VALUES,
         )
-    return findings
 
 
 def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
@@ -106,21 +103,18 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
     ]
 
 
-def _coverage(data: Dataset, robot: Robot) -> list[Finding]:
+def _coverage(data: Dataset, robot: Robot) -> Iterator[Finding]:
     shares: dict[str, float] = {}
     for k, joint in enumerate(robot.joints, start=1):
         if "limits" in joint and k not in robot.passive:
             lo, hi = joint["limits"]
             shares[str(k)] = float(np.ptp(data.columns[f"q{k}"])) / (hi - lo)
     narrow = [f"joint {k} {share:.0%}" for k, share in shares.items() if share < _SHARE_OF_LIMITS]
-    if not narrow:
-        return []
-    return [
-        Finding(
+    if narrow:
+        yield Finding(
             "coverage",
             "note",
             f"these joints were moved through less than half of their limits: {', '.join(narrow)}",
             {"share_of_limits": shares},
             "Trust the fit where poses were measured; tables are neutral elsewhere.",
         )
-    ]

@@ -76,7 +76,7 @@ def _of_column(data: Dataset, name: str) -> Iterator[Finding]:
         )
     if distinct.size <= _LEAST_OTHERS:
         return
-    order = _in_time(data)
+    order = np.argsort(data.clock, kind="stable")
     off = np.zeros(data.count, dtype=np.bool_)
     for value in _alone(distinct):
         rows = values == value
@@ -93,12 +93,6 @@ def _of_column(data: Dataset, name: str) -> Iterator[Finding]:
             "sought by this column.",
         )
     yield from _still(data, name, order[~off[order]])
-
-
-def _in_time(data: Dataset) -> NDArray[np.intp]:
-    if "time" in data.columns:
-        return np.argsort(data.columns["time"], kind="stable")
-    return np.arange(data.count)
 
 
 def _alone(distinct: Array) -> Array:

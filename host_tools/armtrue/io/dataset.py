@@ -84,6 +84,11 @@ class Dataset:
         return np.column_stack([self.columns[name] for name in POSITION])
 
     @property
+    def clock(self) -> Array:
+        """Time [s] of each entry (N,); the number of the entry where no time was recorded."""
+        return self.columns.get("time", np.arange(self.count, dtype=np.float64))
+
+    @property
     def lost(self) -> NDArray[np.bool_]:
         """Mask (N,) of rows without a position: x, y and z are 0, as instruments write after losing the reflector."""
         if not self.has_positions:

@@ -19,14 +19,9 @@ _BASE = "station"
 _TOOL = "target"
 
 
-def hypotheses(data: Dataset, reading: Reading) -> list[Hypothesis]:
+def hypotheses(data: Dataset, reading: Reading) -> Iterator[Hypothesis]:
     """The likeliest step of the measuring frame and that of the reflector; `reading` has the rows of `data`."""
-    clock = data.columns.get("time", np.arange(data.count, dtype=np.float64))
-    order = np.argsort(clock, kind="stable")
-    return list(_hypotheses(data, reading, order))
-
-
-def _hypotheses(data: Dataset, reading: Reading, order: NDArray[np.int64]) -> Iterator[Hypothesis]:
+    order = np.argsort(data.clock, kind="stable")
     for column in (_BASE, _TOOL):
         if column in reading.columns:
             continue  # the file itself names set-ups or reflectors

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,8 +65,7 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> list[Finding]:
 
 def _steps(data: Dataset, geometry: Geometry) -> list[tuple[_Step, NDArray[np.int64]]]:
     """The steps, the largest first, each with the rows in order of time."""
-    clock = data.columns.get("time", np.arange(data.count, dtype=np.float64))
-    order = np.argsort(clock, kind="stable")
+    order = np.argsort(data.clock, kind="stable")
     progress = np.empty(data.count)
     progress[order] = np.linspace(-1.0, 1.0, data.count)
     weight = np.repeat(geometry.follows.astype(np.float64), 3)
@@ -211,23 +211,21 @@ def _joint_that_parts(data: Dataset, order: NDArray[np.int64], at: int) -> int |
     return None
 
 
-def _set_ups(data: Dataset, geometry: Geometry) -> list[Finding]:
+def _set_ups(data: Dataset, geometry: Geometry) -> Iterator[Finding]:
     """A note on the set-ups named in the file: a model without the effect station mixes their frames."""
     if len(geometry.bases) < 2:
-        return []
+        return
     middle = np.append(geometry.points.mean(axis=0), 1.0)
     from_first = [base @ np.linalg.inv(geometry.bases[0]) for base in geometry.bases[1:]]
     apart_m = max(float(np.linalg.norm((motion @ middle - middle)[:3])) for motion in from_first)
-    return [
-        Finding(
-            "set_ups",
-            "note",
-            f"column 'station' names {len(geometry.bases)} set-ups, whose frames put the arm up to "
-            f"{apart_m * 1000:.1f} mm apart",
-            {"set_ups": len(geometry.bases), "apart_m": apart_m},
-            "Give the model the effect station: a fit without it takes all rows as of one frame.",
-        )
-    ]
+    yield Finding(
+        "set_ups",
+        "note",
+        f"column 'station' names {len(geometry.bases)} set-ups, whose frames put the arm up to "
+        f"{apart_m * 1000:.1f} mm apart",
+        {"set_ups": len(geometry.bases), "apart_m": apart_m},
+        "Give the model the effect station: a fit without it takes all rows as of one frame.",
+    )
 
 
 def _how_far(geometry: Geometry, step: _Step, order: NDArray[np.int64]) -> tuple[float, float]:

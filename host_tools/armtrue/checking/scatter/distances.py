@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -22,14 +23,14 @@ _SHARE = 0.8
 _NORMAL_AT_SHARE = 1.2816
 
 
-def find(data: Dataset) -> list[Finding]:
+def find(data: Dataset) -> Iterator[Finding]:
     """A warning for each reflector of `data` (all mounted on the arm) whose distances from all others scatter.
 
     Distances are between reflectors measured one after another at one pose. Their scatter is compared with that of the
     steadiest pair or, with only two reflectors, with that of repeated poses.
     """
     if "target" not in data.columns:
-        return []
+        return
     scales = _scales(data)
     names = data.labels["target"]
     targets = sorted({target for pair in scales for target in pair})
@@ -41,22 +42,20 @@ def find(data: Dataset) -> list[Finding]:
             f"reflectors '{names[pair[0]]}' and '{names[pair[1]]}'",
             "where poses measured again scatter by",
         )
-        if not scales[pair] > max(_TIMES * firmest, _LEAST_M):
-            return []
-        return [_finding(f"between {who}", scales[pair], f"{others} {firmest * 1e6:.0f} µm", who)]
+        if scales[pair] > max(_TIMES * firmest, _LEAST_M):
+            yield _finding(f"between {who}", scales[pair], f"{others} {firmest * 1e6:.0f} µm", who)
+        return
     if not scales:
-        return []
+        return
     firm = min(scales, key=lambda pair: scales[pair])
     holds = (
         f"where that between '{names[firm[0]]}' and '{names[firm[1]]}' holds to {scales[firm] * 1e6:.0f} µm"
     )
-    findings = []
     for target in targets:
         least = min(scale for pair, scale in scales.items() if target in pair)
         if least > max(_TIMES * scales[firm], _LEAST_M):
             who = f"reflector '{names[target]}'"
-            findings.append(_finding(f"from {who} to the others", least, holds, who))
-    return findings
+            yield _finding(f"from {who} to the others", least, holds, who)
 
 
 def _finding(between: str, scale: float, compared: str, who: str) -> Finding:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -14,49 +15,43 @@ from armtrue.io.dataset import Dataset, fixed_targets
 _DEVIATIONS = 5.0
 
 
-def find(data: Dataset) -> list[Finding]:
+def find(data: Dataset) -> Iterator[Finding]:
     """Findings on reflectors that are not mounted on the arm, and on repeated poses that drift."""
-    if not data.has_positions:
-        return []
-    return [*_fixed_reflectors(data), *_wandering_repeats(data)]
+    if data.has_positions:
+        yield from _fixed_reflectors(data)
+        yield from _wandering_repeats(data)
 
 
-def _fixed_reflectors(data: Dataset) -> list[Finding]:
-    findings = []
+def _fixed_reflectors(data: Dataset) -> Iterator[Finding]:
     for code in fixed_targets(data):
         rows = data.columns["target"] == code
         name = data.labels["target"][code]
-        shift, sigma = _shift_over(_clock(data)[rows], data.positions_m[rows])
+        shift, sigma = _shift_over(data.clock[rows], data.positions_m[rows])
         drifts = shift > _DEVIATIONS * sigma
         evidence = {"target": name, "rows": int(rows.sum()), "shift_m": shift, "sigma_m": sigma}
         if drifts:
-            findings.append(
-                Finding(
-                    "base_drift",
-                    "warning",
-                    f"target '{name}' does not ride on the arm, yet moved by {shift * 1e6:.0f} µm over the session "
-                    f"(± {sigma * 1e6:.0f} µm): base or instrument drifts",
-                    evidence,
-                    "Add the effect time_drift to the model, and measure fixed reflectors now and then.",
-                )
+            yield Finding(
+                "base_drift",
+                "warning",
+                f"target '{name}' does not ride on the arm, yet moved by {shift * 1e6:.0f} µm over the session "
+                f"(± {sigma * 1e6:.0f} µm): base or instrument drifts",
+                evidence,
+                "Add the effect time_drift to the model, and measure fixed reflectors now and then.",
             )
         else:
-            findings.append(
-                Finding(
-                    "fixed_reflector",
-                    "note",
-                    f"target '{name}' does not ride on the arm and stood still within {max(shift, sigma) * 1e6:.0f} µm",
-                    evidence,
-                    "Nothing to do: a fit leaves its rows out.",
-                )
+            yield Finding(
+                "fixed_reflector",
+                "note",
+                f"target '{name}' does not ride on the arm and stood still within {max(shift, sigma) * 1e6:.0f} µm",
+                evidence,
+                "Nothing to do: a fit leaves its rows out.",
             )
-    return findings
 
 
-def _wandering_repeats(data: Dataset) -> list[Finding]:
+def _wandering_repeats(data: Dataset) -> Iterator[Finding]:
     """A warning if repeated poses, each about its own mean, have a common slope over time."""
     if "repeat" not in data.columns or "time" not in data.columns:
-        return []
+        return
     key = data.columns["repeat"] * (1 + len(data.labels.get("target", []))) + data.columns.get(
         "target", np.zeros(data.count)
     )
@@ -64,7 +59,7 @@ def _wandering_repeats(data: Dataset) -> list[Finding]:
     sizes = np.bincount(pose)
     again = sizes[pose] > 1
     if again.sum() < 6:
-        return []
+        return
     positions, times = data.positions_m, data.columns["time"].astype(np.float64)
     centred = np.column_stack([*positions.T, times])[again]
     pose = pose[again]
@@ -73,23 +68,17 @@ def _wandering_repeats(data: Dataset) -> list[Finding]:
         centred[:, column] -= (sums / np.maximum(np.bincount(pose), 1))[pose]
     span = float(np.ptp(times))
     if span <= 0.0 or float(np.abs(centred[:, 3]).max()) < 1e-3 * span:
-        return []
+        return
     shift, sigma = _shift_over(centred[:, 3], centred[:, :3], span=span, groups=len(np.unique(pose)))
     if shift <= _DEVIATIONS * sigma:
-        return []
-    return [
-        Finding(
-            "repeats_drift",
-            "warning",
-            f"poses measured again later lie {shift * 1e6:.0f} µm (± {sigma * 1e6:.0f} µm) away over the session",
-            {"shift_m": shift, "sigma_m": sigma, "rows": int(again.sum())},
-            "Let armtrue diagnose tell drift, warm-up and direction of approach apart; record temperatures.",
-        )
-    ]
-
-
-def _clock(data: Dataset) -> Array:
-    return data.columns["time"] if "time" in data.columns else np.arange(data.count, dtype=np.float64)
+        return
+    yield Finding(
+        "repeats_drift",
+        "warning",
+        f"poses measured again later lie {shift * 1e6:.0f} µm (± {sigma * 1e6:.0f} µm) away over the session",
+        {"shift_m": shift, "sigma_m": sigma, "rows": int(again.sum())},
+        "Let armtrue diagnose tell drift, warm-up and direction of approach apart; record temperatures.",
+    )
 
 
 def _shift_over(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,24 +49,24 @@ def find(data: Dataset, robot: Robot, geometry: Fit, noise_m: float) -> list[Fin
     return [*_of_positions(data, least_m), *_of_joints(data, robot, geometry, left_m, least_m)]
 
 
-def _of_positions(data: Dataset, least_m: float) -> list[Finding]:
+def _of_positions(data: Dataset, least_m: float) -> Iterator[Finding]:
     step = position_step_m(data)
     cost = _deviation(step)
     if cost * math.sqrt(3.0) < least_m:
-        return []
-    return [
-        Finding(
-            "rounded_positions",
-            "warning",
-            f"{data.file.name} columns x, y, z: found steps of {step * 1e3:g} mm, which alone add noise of "
-            f"{cost * 1e6:.0f} µm an axis (step/√12)",
-            {"step_m": step, "cost_m": cost},
-            "Write x, y and z to a micrometre, as instruments give them.",
-        )
-    ]
+        return
+    yield Finding(
+        "rounded_positions",
+        "warning",
+        f"{data.file.name} columns x, y, z: found steps of {step * 1e3:g} mm, which alone add noise of "
+        f"{cost * 1e6:.0f} µm an axis (step/√12)",
+        {"step_m": step, "cost_m": cost},
+        "Write x, y and z to a micrometre, as instruments give them.",
+    )
 
 
-def _of_joints(data: Dataset, robot: Robot, geometry: Fit, left_m: float, least_m: float) -> list[Finding]:
+def _of_joints(
+    data: Dataset, robot: Robot, geometry: Fit, left_m: float, least_m: float
+) -> Iterator[Finding]:
     costs: dict[int, float] = {}
     steps: dict[str, list[str]] = {}
     for k in robot.motors:
@@ -79,18 +79,16 @@ def _of_joints(data: Dataset, robot: Robot, geometry: Fit, left_m: float, least_
             steps.setdefault(_words(step, is_angle), []).append(f"q{k}")
     cost = math.hypot(*costs.values())
     if cost < least_m or _SHARE_LEFT * cost > left_m:
-        return []
+        return
     found = "; ".join(f"steps of {step} in {', '.join(names)}" for step, names in steps.items())
-    return [
-        Finding(
-            "rounded_joints",
-            "warning",
-            f"{data.file.name}: found {found}: unless the arm was sent to just these values, they put the tool off by "
-            f"{cost * 1e6:.0f} µm RMS (step/√12 on each joint)",
-            {"cost_m": cost, "cost_of_joints_m": {str(k): own for k, own in costs.items()}},
-            "Write the joints as the controller has them, to 0.0001° and 0.001 mm.",
-        )
-    ]
+    yield Finding(
+        "rounded_joints",
+        "warning",
+        f"{data.file.name}: found {found}: unless the arm was sent to just these values, they put the tool off by "
+        f"{cost * 1e6:.0f} µm RMS (step/√12 on each joint)",
+        {"cost_m": cost, "cost_of_joints_m": {str(k): own for k, own in costs.items()}},
+        "Write the joints as the controller has them, to 0.0001° and 0.001 mm.",
+    )
 
 
 def _step(values: Array, steps: Sequence[float]) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -17,14 +18,14 @@ _TIMES_TOO_LARGE = 10.0
 _TIMES_TOO_SMALL = 4.0
 
 
-def find(data: Dataset, repeats_m: float, fit_rms_m: float) -> list[Finding]:
+def find(data: Dataset, repeats_m: float, fit_rms_m: float) -> Iterator[Finding]:
     """A warning if the column `sigma` is far from the observed scatter.
 
     Too large: far above the scatter of repeats, `repeats_m` (inf without repeats), or the residual of a geometry fit,
     `fit_rms_m`, both of all axes together [m]. Too small: far below `repeats_m`.
     """
     if "sigma" not in data.columns:
-        return []
+        return
     stated = float(np.median(data.columns["sigma"]))
     # sigma is of one axis, the others of all three together.
     seen = {
@@ -35,26 +36,22 @@ def find(data: Dataset, repeats_m: float, fit_rms_m: float) -> list[Finding]:
     found = f"{data.file.name} column sigma: found {stated * 1e6:.1f} µm (median)"
     evidence = {"sigma_m": stated, "seen_m": least}
     if stated > _TIMES_TOO_LARGE * least:
-        return [
-            Finding(
-                "sigma_too_large",
-                "warning",
-                f"{found}, more than {_TIMES_TOO_LARGE:.0f} times what {words}: {least * 1e6:.1f} µm an axis",
-                evidence,
-                "Give sigma its unit in dataset.yaml, as in 'sigma: {column: sigma, unit: mm}', or one standard "
-                "deviation in metres; with one far too large nothing counts as significant.",
-            )
-        ]
+        yield Finding(
+            "sigma_too_large",
+            "warning",
+            f"{found}, more than {_TIMES_TOO_LARGE:.0f} times what {words}: {least * 1e6:.1f} µm an axis",
+            evidence,
+            "Give sigma its unit in dataset.yaml, as in 'sigma: {column: sigma, unit: mm}', or one standard "
+            "deviation in metres; with one far too large nothing counts as significant.",
+        )
+        return
     # Residuals of a fit may be errors of the arm, which sigma excludes: only repeats show that sigma is too small.
     if math.isfinite(repeats_m) and _TIMES_TOO_SMALL * stated < least:
-        return [
-            Finding(
-                "sigma_too_small",
-                "warning",
-                f"{found}, less than 1/{_TIMES_TOO_SMALL:.0f} of what {words}: {least * 1e6:.1f} µm an axis",
-                evidence,
-                "Give one standard deviation in metres of what is measured again, in which the arm's repeatability "
-                "counts as well as the instrument's; with one far too small chance counts as significant.",
-            )
-        ]
-    return []
+        yield Finding(
+            "sigma_too_small",
+            "warning",
+            f"{found}, less than 1/{_TIMES_TOO_SMALL:.0f} of what {words}: {least * 1e6:.1f} µm an axis",
+            evidence,
+            "Give one standard deviation in metres of what is measured again, in which the arm's repeatability "
+            "counts as well as the instrument's; with one far too small chance counts as significant.",
+        )
