@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -171,7 +171,8 @@ def joint_pairs(effect_name: str, joints: list[int]) -> list[tuple[int, int]]:
     return pairs
 
 
-Build = Callable[[EffectContext, list[int], Sizes], EffectTruth]
+# Gives the true terms, or all errors where they are more than terms.
+Build = Callable[[EffectContext, list[int], Sizes], EffectTruth | Iterator[Term]]
 
 
 @dataclass(frozen=True)
@@ -205,9 +206,7 @@ def compliant_joints(context: EffectContext) -> list[int]:
     return list(context.preset.compliant)
 
 
-def effect(
-    name: str, joints: Callable[[EffectContext], list[int]]
-) -> Callable[[Callable[[EffectContext, list[int], Sizes], EffectTruth]], Build]:
+def effect(name: str, joints: Callable[[EffectContext], list[int]]) -> Callable[[Build], Build]:
     """Registers the decorated function as the effect `name`."""
 
     def register(build: Build) -> Build:
@@ -248,6 +247,7 @@ def build_effect(
     rng = np.random.default_rng([seed, zlib.crc32(f"{name} {chosen} {tag}".encode())])
     sizes = Sizes(given, rng, chosen, f"{where}: {name}")
     factor = sizes.value("scale", 1.0)
-    truth = EFFECTS[name].build(context, chosen, sizes)
+    built = EFFECTS[name].build(context, chosen, sizes)
+    truth = built if isinstance(built, EffectTruth) else EffectTruth(list(built))
     sizes.refuse_unasked()
     return truth if factor == 1.0 else truth.scaled(factor)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..arm import Term
@@ -26,23 +28,20 @@ def drawn_torsion(context: EffectContext, sizes: Sizes, joint: int) -> float:
 
 
 @effect("joint_compliance", compliant_joints)
-def joint_compliance(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def joint_compliance(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """A one-dimensional spring per axis; it yields to the load (docs/model.md, Sign)."""
-    terms = []
     for k in joints:
         value = sizes.value("value", drawn_torsion(context, sizes, k), k)
         unit = "m/N" if context.chain.prismatic[k - 1] else "rad/Nm"
-        terms.append(Term("joint_compliance", (k,), f"motor{k}", f"tau{k}", value, unit))
-    return EffectTruth(terms)
+        yield Term("joint_compliance", (k,), f"motor{k}", f"tau{k}", value, unit)
 
 
 @effect("stiffness_nonlinear", compliant_joints)
-def stiffness_nonlinear(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def stiffness_nonlinear(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """Hardening: at full gravity torque the spring yields 20 to 50 % less than with its compliance at zero torque.
 
     `soft`: additional yielding of a gear around zero torque, in rad, as tanh(load / `soft_torque`); none if not given.
     """
-    terms = []
     for k in joints:
         torsion = drawn_torsion(context, sizes, k)
         full = full_torque(context, k)
@@ -50,47 +49,36 @@ def stiffness_nonlinear(context: EffectContext, joints: list[int], sizes: Sizes)
         cube = -sizes.rng.uniform(0.0, 0.1) * torsion / full**2
         coordinate = f"motor{k}"
         value = sizes.value("square", square, k)
-        terms.append(
-            Term("stiffness_nonlinear", (k,), coordinate, f"load{k}*abs(load{k})", value, "rad/Nm^2")
-        )
+        yield Term("stiffness_nonlinear", (k,), coordinate, f"load{k}*abs(load{k})", value, "rad/Nm^2")
         value = sizes.value("cube", cube, k)
-        terms.append(Term("stiffness_nonlinear", (k,), coordinate, f"load{k}^3", value, "rad/Nm^3"))
+        yield Term("stiffness_nonlinear", (k,), coordinate, f"load{k}^3", value, "rad/Nm^3")
         soft = sizes.value("soft", 0.0, k)
         turn = sizes.value("soft_torque", 0.05 * full, k)
         if soft:
-            terms.append(
-                Term("stiffness_nonlinear", (k,), coordinate, f"tanh(load{k}/{turn!r})", soft, "rad")
-            )
-    return EffectTruth(terms)
+            yield Term("stiffness_nonlinear", (k,), coordinate, f"tanh(load{k}/{turn!r})", soft, "rad")
 
 
 @effect("bending_compliance", every_joint)
-def bending_compliance(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def bending_compliance(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """Bending of links and bearings: moment x turns rx, moment y turns ry, each with its own compliance."""
-    terms = []
     for k in joints:
         # Links that carry less are less stiff: bending grows towards the wrist as the square root of torsion.
         grow = float(np.sqrt(np.mean(context.preset.torsion[k - 1]) / np.mean(context.preset.torsion[0])))
         for axis in ("x", "y"):
             value = sizes.value(f"c{axis}", sizes.rng.uniform(*context.preset.bending) * grow, k)
-            terms.append(
-                Term("bending_compliance", (k,), f"link{k}.r{axis}", f"gm{axis}{k}", value, "rad/Nm")
-            )
-    return EffectTruth(terms)
+            yield Term("bending_compliance", (k,), f"link{k}.r{axis}", f"gm{axis}{k}", value, "rad/Nm")
 
 
 @effect("base_compliance", no_joint)
-def base_compliance(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def base_compliance(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """The foundation tilts under the arm's overhang."""
-    terms = []
     for axis in ("x", "y"):
         value = sizes.value(f"c{axis}", sizes.rng.uniform(*context.preset.base_tilt))
-        terms.append(Term("base_compliance", (), f"base.r{axis}", f"bm{axis}", value, "rad/Nm"))
-    return EffectTruth(terms)
+        yield Term("base_compliance", (), f"base.r{axis}", f"bm{axis}", value, "rad/Nm")
 
 
 @effect("gravity_balancer", lambda context: [2])
-def gravity_balancer(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def gravity_balancer(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """A tension spring from a fixed anchor to link 2 that pulls it upright; its torque twists axis 2's gear.
 
     Anchor at `anchor` metres from the axis in the direction where the link stands at q2 = `upright`; hook at `hook`
@@ -110,11 +98,11 @@ def gravity_balancer(context: EffectContext, joints: list[int], sizes: Sizes) ->
     compliance = sizes.value("compliance", drawn_torsion(context, sizes, 2))
     length = f"sqrt({anchor**2 + hook**2!r} - {2.0 * anchor * hook!r}*cos(q2 - {upright!r}))"
     torque = f"-{stiffness * anchor * hook!r}*sin(q2 - {upright!r})*(1 - {free_length!r}/{length})"
-    return EffectTruth([Term("gravity_balancer", (2,), "motor2", torque, compliance, "rad/Nm")])
+    yield Term("gravity_balancer", (2,), "motor2", torque, compliance, "rad/Nm")
 
 
 @effect("balancer_state", lambda context: [2])
-def balancer_state(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def balancer_state(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """A gas balancer's pressure follows its temperature (0.6 to 1.2 times 1/293 per kelvin); seal friction is 2 to 6 %.
 
     Both are fractions of the torque of the scenario's `gravity_balancer`; they twist axis 2's gear.
@@ -125,29 +113,21 @@ def balancer_state(context: EffectContext, joints: list[int], sizes: Sizes) -> E
     torsion = sizes.value("compliance", drawn_torsion(context, sizes, 2))
     pressure = sizes.value("pressure", sizes.rng.uniform(0.6, 1.2) / 293.0)
     friction = sizes.value("friction", -sizes.rng.uniform(0.02, 0.06))
-    return EffectTruth(
-        [
-            Term(
-                "balancer_state", (2,), "motor2", f"balancer2*{temperature}", pressure * torsion, "rad/Nm/K"
-            ),
-            # Friction opposes the motion, whatever the sign of the spring's torque.
-            Term("balancer_state", (2,), "motor2", "abs(balancer2)*dir2", friction * torsion, "rad/Nm"),
-        ]
-    )
+    yield Term("balancer_state", (2,), "motor2", f"balancer2*{temperature}", pressure * torsion, "rad/Nm/K")
+    # Friction opposes the motion, whatever the sign of the spring's torque.
+    yield Term("balancer_state", (2,), "motor2", "abs(balancer2)*dir2", friction * torsion, "rad/Nm")
 
 
 @effect("cross_compliance", lambda context: context.parallel_pairs()[0])
-def cross_compliance(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def cross_compliance(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """A link between parallel axes bends: each axis's torque turns the other, by 0.2 to 0.5 of the smaller torsion."""
-    terms = []
     for deflected, loaded in joint_pairs("cross_compliance", joints):
         pair = (deflected, loaded)
         drawn = sizes.rng.uniform(0.2, 0.5) * min(drawn_torsion(context, sizes, k) for k in pair)
         value = sizes.value("value", drawn)
         # Symmetric by the reciprocal theorem of Maxwell and Betti.
         for k, other in (pair, pair[::-1]):
-            terms.append(Term("cross_compliance", pair, f"motor{k}", f"tau{other}", value, "rad/Nm"))
-    return EffectTruth(terms)
+            yield Term("cross_compliance", pair, f"motor{k}", f"tau{other}", value, "rad/Nm")
 
 
 @effect("mass_parameters", no_joint)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..arm import Term
@@ -10,7 +12,6 @@ from .base import (
     ARCSEC,
     DEGREE,
     EffectContext,
-    EffectTruth,
     Sizes,
     driven_joints,
     effect,
@@ -48,15 +49,13 @@ def _wave(
 
 
 @effect("gear_harmonics", driven_joints)
-def gear_harmonics(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def gear_harmonics(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """Eccentricity 10 to 60 arcsec once a turn, a fifth to a half of that twice a turn."""
-    terms = []
     for k in joints:
         once = sizes.rng.uniform(10.0, 60.0) * ARCSEC
         twice = sizes.rng.uniform(0.2, 0.5) * once
-        terms += _wave("gear_harmonics", context, sizes, k, f"q{k}", "1", once)
-        terms += _wave("gear_harmonics", context, sizes, k, f"2*q{k}", "2", twice)
-    return EffectTruth(terms)
+        yield from _wave("gear_harmonics", context, sizes, k, f"q{k}", "1", once)
+        yield from _wave("gear_harmonics", context, sizes, k, f"2*q{k}", "2", twice)
 
 
 def mesh_orders(context: EffectContext) -> list[int]:
@@ -65,13 +64,12 @@ def mesh_orders(context: EffectContext) -> list[int]:
 
 
 @effect("gear_mesh", driven_joints)
-def gear_mesh(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def gear_mesh(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """10 to 40 arcsec once per motor turn; strain-wave gears 20 to 60 arcsec twice per motor turn.
 
     For a prismatic joint: the same orders per turn of its screw or pinion, one lead of travel each. `ratio` or `lead`
     replaces robot.yaml's value, for arms whose file has a wrong one or none.
     """
-    terms = []
     wave_gear = context.preset.strain_wave
     orders = sizes.option("orders", mesh_orders(context))
     for k in joints:
@@ -85,12 +83,11 @@ def gear_mesh(context: EffectContext, joints: list[int], sizes: Sizes) -> Effect
         for order in orders:
             size = sizes.rng.uniform(20.0, 60.0) if wave_gear else sizes.rng.uniform(10.0, 40.0)
             angle = f"{float(order * once)!r}*q{k}"
-            terms += _wave("gear_mesh", context, sizes, k, angle, f"_{order}", size * ARCSEC)
-    return EffectTruth(terms)
+            yield from _wave("gear_mesh", context, sizes, k, angle, f"_{order}", size * ARCSEC)
 
 
 @effect("transmission_pwl", driven_joints)
-def transmission_pwl(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def transmission_pwl(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """Any other joint error, 15 to 40 arcsec.
 
     `shape`: waves (8 to 24 cycles a turn, as a UR10 shows), table (random nodes) or bump (one spot). `table` takes
@@ -98,7 +95,6 @@ def transmission_pwl(context: EffectContext, joints: list[int], sizes: Sizes) ->
     """
     shape = sizes.option("shape", "waves")
     spacing = sizes.value("spacing", 15.0)
-    terms: list[Term] = []
     for k in joints:
         size = sizes.value("size", sizes.rng.uniform(15.0, 40.0) * ARCSEC, k)
         low, high = context.chain.limits[k - 1]
@@ -107,7 +103,7 @@ def transmission_pwl(context: EffectContext, joints: list[int], sizes: Sizes) ->
             turn = 2.0 * np.pi / (4.0 * (high - low)) if prismatic else 1.0
             for cycles in sizes.rng.choice(np.arange(8, 25), 2, replace=False):
                 angle = f"{float(cycles * turn)!r}*q{k}"
-                terms += _wave(
+                yield from _wave(
                     "transmission_pwl", context, sizes, k, angle, f"_{cycles}", size / np.sqrt(2.0)
                 )
         elif shape == "table":
@@ -115,42 +111,36 @@ def transmission_pwl(context: EffectContext, joints: list[int], sizes: Sizes) ->
             nodes = np.linspace(low, high, max(round((high - low) / step), 2) + 1)
             heights = sizes.rng.standard_normal(len(nodes)) * size * context.size(k)
             for text, height in zip(hats(k, nodes), heights, strict=True):
-                terms.append(
-                    Term("transmission_pwl", (k,), f"motor{k}", text, float(height), context.unit(k))
-                )
+                yield Term("transmission_pwl", (k,), f"motor{k}", text, float(height), context.unit(k))
         elif shape == "bump":
             centre = sizes.value("centre", low + (high - low) * sizes.rng.uniform(0.3, 0.7), k)
             half = sizes.value("half_width", (high - low) * sizes.rng.uniform(0.06, 0.12), k)
             height = size * context.size(k) * 2.0
             text = f"hat(q{k}, {centre - half!r}, {centre!r}, {centre + half!r})"
-            terms.append(Term("transmission_pwl", (k,), f"motor{k}", text, height, context.unit(k)))
+            yield Term("transmission_pwl", (k,), f"motor{k}", text, height, context.unit(k))
         else:
             raise ScenarioError(f"transmission_pwl: shape is {shape!r}, expected waves, table or bump")
-    return EffectTruth(terms)
 
 
 @effect("backlash", driven_joints)
-def backlash(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def backlash(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """Half the lost motion (16 to 60 arcsec in all) by direction of approach; `load`: the part that gravity closes."""
-    terms = []
     for k in joints:
         half = sizes.rng.uniform(8.0, 30.0) * ARCSEC * context.size(k)
         # The drive stops at its target after it has pushed the link: the link lags on the side from which it came.
         value = sizes.value("value", -half, k)
-        terms.append(Term("backlash", (k,), f"motor{k}", f"dir{k}", value, context.unit(k)))
+        yield Term("backlash", (k,), f"motor{k}", f"dir{k}", value, context.unit(k))
         load = sizes.value("load", 0.0, k)
         if load:
-            terms.append(Term("backlash", (k,), f"motor{k}", f"sign(load{k})", load, context.unit(k)))
-    return EffectTruth(terms)
+            yield Term("backlash", (k,), f"motor{k}", f"sign(load{k})", load, context.unit(k))
 
 
 @effect("hysteresis", driven_joints)
-def hysteresis(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def hysteresis(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """Friction winds the gear up by 6 to 20 arcsec against the motion, and by 0.5 to 1 of that again at full load.
 
     After a reversal the wind-up changes sign over `theta0`, 0.5 to 3 degrees of travel.
     """
-    terms = []
     for k in joints:
         size = sizes.rng.uniform(6.0, 20.0) * ARCSEC * context.size(k)
         loaded = size * sizes.rng.uniform(0.5, 1.0) / full_torque(context, k)
@@ -160,18 +150,15 @@ def hysteresis(context: EffectContext, joints: list[int], sizes: Sizes) -> Effec
             ("load", -loaded, f"dir{k}*abs(load{k})"),
         ):
             unit = context.unit(k) if key == "travel" else f"{context.unit(k)}/Nm"
-            terms.append(Term("hysteresis", (k,), f"motor{k}", text, sizes.value(key, drawn, k), unit))
-    return EffectTruth(terms)
+            yield Term("hysteresis", (k,), f"motor{k}", text, sizes.value(key, drawn, k), unit)
 
 
 @effect("joint_coupling", lambda context: [joint for pair in context.preset.wrist_pairs for joint in pair])
-def joint_coupling(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def joint_coupling(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """Wrist gears that turn each other: 10 to 40 arcsec per radian. joints: [driven, driving], pair after pair."""
-    terms = []
     for driven, driving in joint_pairs("joint_coupling", joints):
         value = sizes.value("value", sizes.signed(10.0, 40.0) * ARCSEC)
-        terms.append(Term("joint_coupling", (driven, driving), f"motor{driven}", f"q{driving}", value, "1"))
-    return EffectTruth(terms)
+        yield Term("joint_coupling", (driven, driving), f"motor{driven}", f"q{driving}", value, "1")
 
 
 def _seen_by(context: EffectContext, driven: int, driving: int) -> str:
@@ -185,14 +172,12 @@ def _seen_by(context: EffectContext, driven: int, driving: int) -> str:
 @effect(
     "coupling_harmonics", lambda context: [joint for pair in context.preset.wrist_pairs for joint in pair]
 )
-def coupling_harmonics(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def coupling_harmonics(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """Hollow wrists: eccentric gears of one joint turn another, 10 to 40 arcsec once a turn and less twice a turn."""
-    terms = []
     for driven, driving in joint_pairs("coupling_harmonics", joints):
         once = sizes.rng.uniform(10.0, 40.0) * ARCSEC
         twice = sizes.rng.uniform(0.2, 0.5) * once
         for n, size in ((1, once), (2, twice)):
             turned = _seen_by(context, driven, driving)
             angle = turned if n == 1 else f"{n}*{turned}"
-            terms += _wave("coupling_harmonics", context, sizes, driven, angle, str(n), size, (driving,))
-    return EffectTruth(terms)
+            yield from _wave("coupling_harmonics", context, sizes, driven, angle, str(n), size, (driving,))

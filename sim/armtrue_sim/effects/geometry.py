@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..arm import Term
@@ -33,38 +35,30 @@ def tool_offset(context: EffectContext, joints: list[int], sizes: Sizes) -> Effe
 
 
 @effect("joint_offset", every_joint)
-def joint_offset(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def joint_offset(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """Encoder zeros: 0.01 to 0.15 degrees."""
-    terms = []
     for k in joints:
         drawn = sizes.signed(0.01, 0.15) * DEGREE * context.size(k)
-        terms.append(
-            Term("joint_offset", (k,), f"motor{k}", "1", sizes.value("value", drawn, k), context.unit(k))
-        )
-    return EffectTruth(terms)
+        yield Term("joint_offset", (k,), f"motor{k}", "1", sizes.value("value", drawn, k), context.unit(k))
 
 
 @effect("joint_scale", driven_joints)
-def joint_scale(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def joint_scale(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """Gear ratio or scale wrong by 40 to 200 ppm."""
-    terms = []
     for k in joints:
         drawn = sizes.signed(4e-5, 2e-4)
-        terms.append(Term("joint_scale", (k,), f"motor{k}", f"q{k}", sizes.value("value", drawn, k), "1"))
-    return EffectTruth(terms)
+        yield Term("joint_scale", (k,), f"motor{k}", f"q{k}", sizes.value("value", drawn, k), "1")
 
 
 @effect("link_geometry", every_joint)
-def link_geometry(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def link_geometry(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """Lengths 0.3 mm and angles 0.02 degrees (one sigma), up to 1.5 mm and 0.1 degrees."""
-    terms = []
     for k in joints:
         draws = sizes.rng.standard_normal(5).clip(-5.0, 5.0)
         for c, draw in zip(("tx", "ty", "tz", "rx", "ry"), draws, strict=True):
             linear = c.startswith("t")
             value = sizes.value(c, draw * (3e-4 if linear else 0.02 * DEGREE), k)
-            terms.append(Term("link_geometry", (k,), f"link{k}.{c}", "1", value, "m" if linear else "rad"))
-    return EffectTruth(terms)
+            yield Term("link_geometry", (k,), f"link{k}.{c}", "1", value, "m" if linear else "rad")
 
 
 @effect("parallelogram", lambda context: [2, 3])
@@ -88,9 +82,8 @@ def parallelogram(context: EffectContext, joints: list[int], sizes: Sizes) -> Ef
 
 
 @effect("axis_wobble", every_joint)
-def axis_wobble(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def axis_wobble(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """Bearing runout: 4 to 15 arcsec of tilt and 3 to 10 um of shift once a turn, half of that twice a turn."""
-    terms = []
     for k in joints:
         for c in ("rx", "ry", "tx", "ty"):
             linear = c[0] == "t"
@@ -101,17 +94,15 @@ def axis_wobble(context: EffectContext, joints: list[int], sizes: Sizes) -> Effe
                     value = sizes.value(f"{c}_{wave}{n}", size / n * part, k)
                     text = f"{wave}(th{k})" if n == 1 else f"{wave}({n}*th{k})"
                     unit = "m" if linear else "rad"
-                    terms.append(Term("axis_wobble", (k,), f"link{k}.{c}", text, value, unit))
-    return EffectTruth(terms)
+                    yield Term("axis_wobble", (k,), f"link{k}.{c}", text, value, unit)
 
 
 @effect("axis_straightness", lambda context: [int(k) + 1 for k in np.flatnonzero(context.chain.prismatic)])
-def axis_straightness(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def axis_straightness(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """A rail bows by 20 to 60 um sideways and pitches, yaws and rolls by 10 to 30 arcsec over its travel.
 
     Sideways is tx and ty: the joint's own z runs along the rail, and tz would be its position error.
     """
-    terms = []
     for k in joints:
         if not context.chain.prismatic[k - 1]:
             raise ScenarioError(f"axis_straightness: joint {k} turns, expected one that slides")
@@ -126,5 +117,4 @@ def axis_straightness(context: EffectContext, joints: list[int], sizes: Sizes) -
             unit = "m" if c[0] == "t" else "rad"
             heights = size * sizes.rng.standard_normal(len(shapes))
             for text, height in zip(shapes, heights, strict=True):
-                terms.append(Term("axis_straightness", (k,), f"link{k}.{c}", text, float(height), unit))
-    return EffectTruth(terms)
+                yield Term("axis_straightness", (k,), f"link{k}.{c}", text, float(height), unit)

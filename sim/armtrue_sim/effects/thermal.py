@@ -37,33 +37,29 @@ def link_growth(name: str, context: EffectContext, joint: int, warmth: str, grow
 
 
 @effect("thermal_expansion", every_joint)
-def thermal_expansion(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def thermal_expansion(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """One coefficient of expansion for the named links, between steel and aluminium."""
     temperature = context.sensor_variable(sizes.option("sensor", None))
     alpha = sizes.value("value", sizes.rng.uniform(STEEL, ALUMINIUM))
-    return EffectTruth(
-        [
-            Term("thermal_expansion", tuple(joints), coordinate, f"{length!r}*{temperature}", alpha, "1/K")
-            for k in joints
-            for coordinate, length in link_lengths(context, k)
-        ]
-    )
+    for k in joints:
+        for coordinate, length in link_lengths(context, k):
+            yield Term(
+                "thermal_expansion", tuple(joints), coordinate, f"{length!r}*{temperature}", alpha, "1/K"
+            )
 
 
 @effect("thermal_joint_drift", every_joint)
-def thermal_joint_drift(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def thermal_joint_drift(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """Zeros that move by 0.5 to 2 arcsec a kelvin."""
     temperature = context.sensor_variable(sizes.option("sensor", None))
-    terms = []
     for k in joints:
         value = sizes.value("value", sizes.signed(2.5e-6, 1e-5) * context.size(k), k)
         unit = f"{context.unit(k)}/K"
-        terms.append(Term("thermal_joint_drift", (k,), f"motor{k}", temperature, value, unit))
-    return EffectTruth(terms)
+        yield Term("thermal_joint_drift", (k,), f"motor{k}", temperature, value, unit)
 
 
 @effect("thermal_base", no_joint)
-def thermal_base(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def thermal_base(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """A stand of a metre grows 5 to 12 um/K and leans 1 to 4 urad/K because one side is warmer."""
     temperature = context.sensor_variable(sizes.option("sensor", None))
     drawn = {
@@ -74,61 +70,38 @@ def thermal_base(context: EffectContext, joints: list[int], sizes: Sizes) -> Eff
         "ry": sizes.signed(1e-6, 4e-6),
         "rz": sizes.signed(5e-7, 2e-6),
     }
-    return EffectTruth(
-        [
-            Term(
-                "thermal_base",
-                (),
-                f"base.{c}",
-                temperature,
-                sizes.value(c, v),
-                "m/K" if c[0] == "t" else "rad/K",
-            )
-            for c, v in drawn.items()
-        ]
-    )
+    for c, v in drawn.items():
+        unit = "m/K" if c[0] == "t" else "rad/K"
+        yield Term("thermal_base", (), f"base.{c}", temperature, sizes.value(c, v), unit)
 
 
 @effect("warm_up", no_joint)
-def warm_up(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def warm_up(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """120 to 340 ppm of every length and up to 15 arcsec on every zero, with one time constant `tau` in seconds."""
     tau = sizes.value("tau", sizes.rng.uniform(1200.0, 3600.0))
     warmth = f"1 - exp(-time/{tau!r})"
     growth = sizes.value("growth", sizes.rng.uniform(1.2e-4, 3.4e-4))
     every = every_joint(context)
-    terms = [
-        Term("warm_up", (), coordinate, f"{length!r}*({warmth})", growth, "1")
-        for k in every
-        for coordinate, length in link_lengths(context, k)
-    ]
+    for k in every:
+        for coordinate, length in link_lengths(context, k):
+            yield Term("warm_up", (), coordinate, f"{length!r}*({warmth})", growth, "1")
     for k in every:
         value = sizes.value(f"motor{k}", sizes.signed(1.5e-5, 7e-5) * context.size(k))
-        terms.append(Term("warm_up", (), f"motor{k}", warmth, value, context.unit(k)))
-    return EffectTruth(terms)
+        yield Term("warm_up", (), f"motor{k}", warmth, value, context.unit(k))
 
 
 @effect("thermal_gradient", lambda context: [2])
-def thermal_gradient(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def thermal_gradient(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """One side of a link is warmer: it bends by 15 to 50 urad/K between two `sensors` (default the last two)."""
     names = context.robot.get("temperature", {}).get("sensors", [])
     pair = sizes.option("sensors", names[-2:])
     if not isinstance(pair, list) or len(pair) != 2:
         raise ScenarioError(f"thermal_gradient: sensors is {pair!r}, expected two of {names}")
     between = " - ".join(context.sensor_variable(str(name)) for name in pair)
-    return EffectTruth(
-        [
-            Term(
-                "thermal_gradient",
-                (k,),
-                f"link{k}.{c}",
-                between,
-                sizes.value(c, sizes.signed(1.5e-5, 5e-5), k),
-                "rad/K",
-            )
-            for k in joints
-            for c in ("rx", "ry")
-        ]
-    )
+    for k in joints:
+        for c in ("rx", "ry"):
+            value = sizes.value(c, sizes.signed(1.5e-5, 5e-5), k)
+            yield Term("thermal_gradient", (k,), f"link{k}.{c}", between, value, "rad/K")
 
 
 # Full duty: the mean speed of a joint between two random poses that are `interval` apart, rad/s.

@@ -6,10 +6,12 @@ and sidebands of the mesh; amplitudes fall with the order and the phases are ran
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..arm import Term
-from ..effects.base import ARCSEC, EffectContext, EffectTruth, Sizes, effect
+from ..effects.base import ARCSEC, EffectContext, Sizes, effect
 
 WAVES = 20
 # Pitch errors of the output gear fall off with the order; its teeth, a few dozen, stand out with their sidebands.
@@ -17,9 +19,8 @@ SLOPE = 0.8
 
 
 @effect("tooth_waves", lambda context: [2])
-def tooth_waves(context: EffectContext, joints: list[int], sizes: Sizes) -> EffectTruth:
+def tooth_waves(context: EffectContext, joints: list[int], sizes: Sizes) -> Iterator[Term]:
     """Twelve orders of the output's turn, a mesh of `teeth` (31 to 61) with sidebands; `size` 12 to 30 arcsec rms."""
-    terms = []
     for k in joints:
         teeth = int(sizes.value("teeth", float(sizes.rng.integers(31, 62)), k))
         orders = np.array([*range(1, 13), *(teeth + side for side in (-3, -2, -1, 0, 1, 2, 3)), 2 * teeth])
@@ -33,8 +34,7 @@ def tooth_waves(context: EffectContext, joints: list[int], sizes: Sizes) -> Effe
         for order, height in zip(orders, heights, strict=True):
             phase = float(sizes.rng.uniform(0.0, 2.0 * np.pi))
             text = f"sin({float(order * turn)!r}*q{k} + {phase!r})"
-            terms.append(Term("tooth_waves", (k,), f"motor{k}", text, float(height), context.unit(k)))
-    return EffectTruth(terms)
+            yield Term("tooth_waves", (k,), f"motor{k}", text, float(height), context.unit(k))
 
 
 def causes(joint: int) -> frozenset[str]:
