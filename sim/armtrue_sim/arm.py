@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -65,11 +66,6 @@ class Deflections:
     link: dict[int, Array]
     base: Array
     tool: Array
-
-    def copy(self) -> Deflections:
-        """An independent copy."""
-        link = {k: v.copy() for k, v in self.link.items()}
-        return Deflections(self.motor.copy(), link, self.base.copy(), self.tool.copy())
 
 
 class State(Mapping[str, Array]):
@@ -157,8 +153,7 @@ class State(Mapping[str, Array]):
             return self[f"tau{k + 1}"] + (self._balancer(k + 1) if self._arm.has_balancer(k + 1) else 0.0)
         loads = {"tau": "motor_torque", "gmx": "moment_x", "gmy": "moment_y"}
         if stem in loads:
-            result: Array = getattr(self.loads, loads[stem])[:, k]
-            return result
+            return getattr(self.loads, loads[stem])[:, k]
         raise KeyError(name)
 
 
@@ -239,8 +234,7 @@ class Arm:
     def payload_point(self, frames: Frames) -> Array:
         """Points (N, 3) at which the payload's weight acts, in the robot base."""
         centre = self.nominal_tool.translation + self.body.payload_centre
-        point: Array = frames.flange_origin + frames.flange_rotation @ centre
-        return point
+        return frames.flange_origin + frames.flange_rotation @ centre
 
     def state(self, q: Array, columns: Columns | None = None) -> State:
         """State of poses q (N, n) with the recorded columns (names of data.csv)."""
@@ -277,7 +271,8 @@ class Arm:
         """As `true_pose`, but in the robot base: real joint frames, tool rotations (N, 3, 3) and positions (N, 3)."""
         state, frames, moved = self._stand(q, columns, measurement_effects, motor_error)
         rotation, position = frames.flange_rotation, frames.flange_origin
-        for pose_rotation, pose_translation in (self._tools(columns, len(state.q)), _batch_pose(moved.tool)):
+        moved_tool = exp_so3(moved.tool[:, 3:]), moved.tool[:, :3]
+        for pose_rotation, pose_translation in (self._tools(columns, len(state.q)), moved_tool):
             position = position + np.einsum("nij,nj->ni", rotation, pose_translation)
             rotation = rotation @ pose_rotation
         return frames, rotation, position
@@ -300,7 +295,7 @@ class Arm:
         frames = self.nominal_frames(state.q)
         for _ in range(MOST_ROUNDS):
             before = frames
-            moved = still.copy()
+            moved = deepcopy(still)
             self._add(moved, loaded, state)
             for physics in self.physics:
                 for k, value in physics.coordinates(self, state, before).items():
@@ -334,8 +329,7 @@ class Arm:
         q = np.atleast_2d(np.asarray(q, dtype=float))
         frames = self.nominal_frames(q)
         position = frames.flange_origin + frames.flange_rotation @ self.nominal_tool.translation
-        result: Array = position @ self.nominal_base.rotation.T + self.nominal_base.translation
-        return result
+        return position @ self.nominal_base.rotation.T + self.nominal_base.translation
 
     def with_terms(self, terms: Sequence[Term]) -> Arm:
         """The same arm with other terms."""
@@ -370,12 +364,3 @@ class Arm:
             index = np.array([names.index(str(t)) for t in columns["target"]], dtype=int)
         poses = list(self.flange_from_tool.values())
         return np.stack([p.rotation for p in poses])[index], np.stack([p.translation for p in poses])[index]
-
-
-def _batch_pose(vector: Array) -> tuple[Array, Array]:
-    return exp_so3(vector[:, 3:]), vector[:, :3]
-
-
-def state_variables(terms: Sequence[Term]) -> frozenset[str]:
-    """Every state variable that the terms read."""
-    return frozenset().union(*(variables(term.expression) for term in terms)) if terms else frozenset()

@@ -64,11 +64,9 @@ class Campaign:
         """model.yaml with the hidden effects added: the reference to which a diagnosis is compared."""
         hidden = []
         for entry in self.hidden:
-            kept = {
-                key: value
-                for key, value in entry.items()
-                if key != "joints" or (value and not _is_custom(entry))
-            }
+            # A custom effect's expression states its variables: it has no joints in a model file.
+            has_joints = entry["joints"] and entry["effect"] != "custom"
+            kept = {key: value for key, value in entry.items() if key != "joints" or has_joints}
             if entry["effect"] != "none":
                 hidden.append(entry["effect"] if set(kept) == {"effect"} else kept)
         return {"effects": [*self.model["effects"], *hidden]}
@@ -98,11 +96,6 @@ class Campaign:
             if is_new:
                 shutil.rmtree(folder, ignore_errors=True)
             raise
-
-
-def _is_custom(entry: Mapping[str, Any]) -> bool:
-    """True for a custom effect: its expression states its variables, so it has no joints in a model file."""
-    return bool(entry["effect"] == "custom")
 
 
 def csv_text(table: Table) -> str:

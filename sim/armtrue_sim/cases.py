@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from .arm import Arm, Term
-from .build import build_arm
+from .build import build_arm, context_of
 from .campaign import Campaign, measure, simulate
 from .errors import ScenarioError
 from .foreign import TRUTHS, foreign_effects
-from .kinds import BAD_REPEATABILITY, KINDS, PAIR_KINDS, UNLIKE_ITS_FILE, Kind, context_for
+from .kinds import BAD_REPEATABILITY, KINDS, PAIR_KINDS, UNLIKE_ITS_FILE, Kind
 from .mechanics.expression import variables
 from .mechanics.statics import BodyError
 from .mechanics.transforms import Array
@@ -160,7 +160,7 @@ def _plan(kind: str, given: Kind, arm: str, seed: int, rng: np.random.Generator)
     way = given.way
     if way is None:
         return plan
-    context = context_for(arm)
+    context = context_of(Scenario(arm=arm))
     every = list(range(1, context.chain.n + 1))
     plan["believed"] = ["base_frame", "tool_offset"]
     for name in ("joint_offset", *way.believed):
@@ -232,7 +232,7 @@ def _draw(kind: str, given: Kind, arm: str, rng: np.random.Generator) -> Drawn:
         entries = []
         for name in given.source:
             way = given.way
-            options = way.joints(context_for(arm)) if way else catalogue_choices(arm)[name]
+            options = way.joints(context_of(Scenario(arm=arm))) if way else catalogue_choices(arm)[name]
             joints = options[rng.integers(len(options))]
             sizes = way.sizes if way else {}
             entries.append(_entry(name, [] if name == "thermal_expansion" else joints) | dict(sizes))

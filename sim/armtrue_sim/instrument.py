@@ -76,8 +76,7 @@ class Instrument:
         radial, transverse = self.sigmas(points)
         white = rng.standard_normal(points.shape)
         along = np.sum(white * sight, axis=1, keepdims=True) * sight
-        result: Array = transverse[:, None] * (white - along) + radial[:, None] * along
-        return result
+        return transverse[:, None] * (white - along) + radial[:, None] * along
 
 
 def drive_sigma_for_tool_repeatability(arm: Arm, q: Array, mean_distance: float) -> float:

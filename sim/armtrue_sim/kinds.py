@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from .effects.base import EffectContext
-from .mechanics.chain import Chain
-from .presets import PRESETS, nominal_robot
 
 ARMS = ("kr30", "irb2400", "cobot", "lbr")
 # Errors of robot.yaml for every real arm: masses 20 % and centres 15 mm off, the base 3 mrad out of level.
@@ -49,12 +47,6 @@ class Hiding:
     sizes: Mapping[str, float] = field(default_factory=dict)
     without: Mapping[str, int] = field(default_factory=dict)
     share: float | None = None
-
-
-def context_for(arm: str) -> EffectContext:
-    """Data of a preset that effects may use."""
-    robot = nominal_robot(arm)
-    return EffectContext(robot, Chain.from_robot(robot), PRESETS[arm])
 
 
 def _whole(context: EffectContext) -> list[list[int]]:
@@ -100,17 +92,17 @@ LATER: dict[str, Hiding] = {
     "nest": Hiding(_whole, {"setups": {"nests": 3}}),
 }
 
-_SIXTY = {"poses": 60, "repeats": {"poses": 2, "times": 3}}
+_FEW = {"poses": 60, "repeats": {"poses": 2, "times": 3}}
 KINDS: dict[str, Kind] = {
     "one_hidden": Kind(),
     "three_hidden": Kind(3),
     "nothing_hidden": Kind(0),
     "outside_catalogue": Kind(source="formulas"),
     "gross_errors": Kind(),
-    "sixty_poses": Kind(changes=_SIXTY),
+    "sixty_poses": Kind(changes=_FEW),
     "noise_x4": Kind(noise=4.0),
     "missing_columns": Kind(),
-    "three_at_sixty_poses": Kind(3, changes=_SIXTY),
+    "three_at_sixty_poses": Kind(3, changes=_FEW),
     "thermal_pair_noise_x4": Kind(2, ("thermal_expansion", "thermal_joint_drift"), noise=4.0),
     "real_nothing": Kind(0, real=True),
     "real_one": Kind(real=True),
@@ -178,7 +170,6 @@ class Pair:
         return found
 
 
-_FEW = {"poses": 60, "repeats": {"poses": 2, "times": 3}}
 _UNLOADED = {**_FEW, "payloads": [0.0]}
 _LOADED = "three payloads, the whole travel, 240 poses"
 # One morning: the temperature rises with the time constant of the warm-up.

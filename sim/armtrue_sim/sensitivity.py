@@ -84,5 +84,4 @@ def rms(displacement: Array) -> float:
 def unexplained(displacement: Array, basis: Array) -> Array:
     """Residuals of displacements (N, 3) after the least-squares fit in an orthonormal `basis` (3N, r)."""
     flat = displacement.ravel()
-    result: Array = (flat - basis @ (basis.T @ flat)).reshape(displacement.shape)
-    return result
+    return (flat - basis @ (basis.T @ flat)).reshape(displacement.shape)

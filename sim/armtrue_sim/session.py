@@ -71,8 +71,7 @@ def _payloads(scenario: Scenario, count: int, rng: np.random.Generator) -> Array
         scenario.payloads if scenario.payloads is not None else PRESETS[scenario.arm].payloads, float
     )
     if scenario.payload_order == "blocks":
-        result: Array = masses[np.arange(count) * len(masses) // max(count, 1)]
-        return result
+        return masses[np.arange(count) * len(masses) // max(count, 1)]
     return rng.choice(masses, count)
 
 
@@ -193,8 +192,7 @@ def _since_the_last_rest(scenario: Scenario, time: Array) -> Array:
     starts = scenario.interval * np.arange(scenario.poses) + _rests(scenario, scenario.poses)
     begins = np.flatnonzero(np.diff(_rests(scenario, scenario.poses), prepend=-1.0))
     first = starts[begins]
-    result: Array = time - first[np.searchsorted(first, time, side="right") - 1]
-    return result
+    return time - first[np.searchsorted(first, time, side="right") - 1]
 
 
 def _setups(scenario: Scenario) -> list[tuple[str, int]]:
@@ -208,8 +206,7 @@ def _setups(scenario: Scenario) -> list[tuple[str, int]]:
 
 def _blocks(numbers: int, count: int) -> Array:
     """1 ... numbers in `numbers` equal blocks of rows."""
-    result: Array = 1 + np.arange(count) * numbers // max(count, 1)
-    return result
+    return 1 + np.arange(count) * numbers // max(count, 1)
 
 
 def _travels(scenario: Scenario, q: Array, time: Array) -> Table:
@@ -242,8 +239,7 @@ def _duties(q: Array, time: Array) -> Array:
     """Mean speed (N, n) of each joint since the row before, rad/s; the first row is reached from the joints' zeros."""
     motion = np.abs(np.diff(q, axis=0, prepend=np.zeros((1, q.shape[1]))))
     seconds = np.diff(time, prepend=2.0 * time[0] - time[1] if len(time) > 1 else -1.0)
-    result: Array = motion / np.maximum(seconds, 1e-9)[:, None]
-    return result
+    return motion / np.maximum(seconds, 1e-9)[:, None]
 
 
 def quaternions(rotation: Array) -> Table:

@@ -74,8 +74,7 @@ class TrackerError:
         for number, pose in self.stations.items():
             rows = columns["station"] == number
             seen[rows] = (seen[rows] - pose.translation) @ pose.rotation
-        result: Array = seen
-        return result
+        return seen
 
     def turned(self, rotation: Array, columns: Mapping[str, Array]) -> Array:
         """Rotations (N, 3, 3) of the tool, each in the measuring frame of its row's set-up."""

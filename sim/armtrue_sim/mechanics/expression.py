@@ -15,21 +15,8 @@ from ..errors import ScenarioError
 from .transforms import Array
 
 _FUNCTIONS: dict[str, tuple[int, Callable[..., Array]]] = {
-    name: (1, getattr(np, numpy_name))
-    for name, numpy_name in {
-        "sin": "sin",
-        "cos": "cos",
-        "tan": "tan",
-        "asin": "arcsin",
-        "acos": "arccos",
-        "atan": "arctan",
-        "exp": "exp",
-        "log": "log",
-        "sqrt": "sqrt",
-        "abs": "abs",
-        "sign": "sign",
-        "tanh": "tanh",
-    }.items()
+    name: (1, getattr(np, name))
+    for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "abs", "sign", "tanh")
 }
 _OPERATORS: dict[type[ast.operator], Callable[..., Array]] = {
     ast.Add: np.add,
@@ -47,6 +34,7 @@ def hat(value: Array, left: float, centre: float, right: float) -> Array:
     return np.clip(np.minimum(rising, falling), 0.0, 1.0)
 
 
+_FUNCTIONS |= {"asin": (1, np.arcsin), "acos": (1, np.arccos), "atan": (1, np.arctan)}
 _FUNCTIONS |= {"atan2": (2, np.arctan2), "min": (2, np.minimum), "max": (2, np.maximum), "hat": (4, hat)}
 
 

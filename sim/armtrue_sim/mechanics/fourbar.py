@@ -30,8 +30,7 @@ def closing_error(x: Array, y: Array, arm: float, bar: float, nominal: Array) ->
     toward, spread = np.arctan2(y, x), np.arccos(cosine)
     candidates = np.stack([toward - spread, toward + spread])
     error = np.remainder(candidates - nominal + np.pi, 2.0 * np.pi) - np.pi
-    result: Array = np.take_along_axis(error, np.abs(error).argmin(axis=0)[None], axis=0)[0]
-    return result
+    return np.take_along_axis(error, np.abs(error).argmin(axis=0)[None], axis=0)[0]
 
 
 @dataclass(frozen=True)

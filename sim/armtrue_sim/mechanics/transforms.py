@@ -27,8 +27,7 @@ def matrix_from_rpy(rpy: Sequence[float] | Array) -> Array:
     """3x3 rotation from roll, pitch, yaw about the *fixed* axes x, y, z (contract.md): Rz(y) Ry(p) Rx(r)."""
     roll, pitch, yaw = (float(v) for v in rpy)
     c, s = np.cos(pitch), np.sin(pitch)
-    result: Array = rot_z(yaw) @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]) @ rot_x(roll)
-    return result
+    return rot_z(yaw) @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]) @ rot_x(roll)
 
 
 def rpy_from_matrix(rotation: Array) -> Array:
@@ -70,8 +69,7 @@ def quaternion_from_matrix(rotation: Array) -> Array:
         k[:, i + 1, i + 1] = r[:, i, i] - r[:, j, j] - r[:, m, m]
         k[:, i + 1, j + 1] = k[:, j + 1, i + 1] = r[:, j, i] + r[:, i, j]
     q = np.linalg.eigh(k)[1][:, :, -1]
-    result: Array = q * np.where(q[:, :1] < 0.0, -1.0, 1.0)
-    return result
+    return q * np.where(q[:, :1] < 0.0, -1.0, 1.0)
 
 
 @dataclass(frozen=True)
