@@ -221,31 +221,15 @@ def plan(
 
     `rivals`: entries of model.yaml to tell apart; None: those that a diagnosis leaves undecided. Without any (or with
     an empty list) the poses are for the fit's own parameters; `plan.separates` says which it was. Other arguments and
-    errors as of `plan_campaign`, which is for an arm that was not measured yet.
+    errors as of `plan_campaign`, which is for an arm that was not measured yet; a column without levels takes its
+    recorded values.
     """
-    settings: dict[str, Any] = {"cell": cell, "levels": levels, "candidates": candidates, "seed": seed}
     if rivals is None:
         left_open = ambiguity(fit, diagnose(fit, progress))
         rivals = left_open.open if left_open else []
     if rivals:
+        settings: dict[str, Any] = {"cell": cell, "levels": levels, "candidates": candidates, "seed": seed}
         return plan_separation(fit, rivals, poses, progress=progress, **settings)
-    return plan_sharpening(fit, poses, progress=progress, **settings)
-
-
-def plan_sharpening(
-    fit: Fit,
-    poses: int,
-    *,
-    cell: Cell | None = None,
-    levels: Mapping[str, list[float]] | None = None,
-    candidates: int = 4000,
-    seed: int = 0,
-    progress: Progress | None = None,
-) -> Plan:
-    """Choose `poses` further poses for the parameters of `fit`, in addition to its measurements.
-
-    Arguments and errors as of `plan_campaign`; a column without levels takes its recorded values.
-    """
     options = json.dumps(_options(poses, cell, levels, candidates, seed))
     return _plan(lambda: _core.plan_sharpening(fit.core, options, progress), _target(fit), fit.robot)
 
@@ -263,7 +247,7 @@ def plan_separation(
 ) -> Plan:
     """Choose `poses` poses that tell `rivals` apart: entries of model.yaml, each an effect that `fit` lacks.
 
-    Arguments as of `plan_sharpening`. Errors: InputError for fewer than two rivals, or where one cannot be fitted.
+    Arguments as of `plan`. Errors: InputError for fewer than two rivals, or where one cannot be fitted.
     """
     options = json.dumps(_options(poses, cell, levels, candidates, seed))
     chosen = _plan(

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from armtrue.device.eds import Entry, dictionary
+from armtrue.device.eds import dictionary
 from armtrue.device.image import checksum_of, own_checksum
 from armtrue.device.sdo import ByteProgress, CommunicationError, SdoAbortError, SdoClient
 
@@ -100,7 +100,7 @@ class Compensator:
 
     def read(self, name: str) -> int | str | bytes:
         """The value of an object by its EDS name."""
-        entry = self._entry(name)
+        entry = dictionary()[name]
         data = self.client.upload(entry.index, entry.sub)
         if not entry.is_number:
             return data.decode("ascii", "replace")
@@ -118,7 +118,7 @@ class Compensator:
 
     def write(self, name: str, value: int, timeout_s: float | None = None) -> None:
         """Set an integer object."""
-        entry = self._entry(name)
+        entry = dictionary()[name]
         data = value.to_bytes(entry.size, "little", signed=entry.signed)
         self.client.download(entry.index, entry.sub, data, timeout_s)
 
@@ -204,14 +204,14 @@ class Compensator:
 
     def stage(self, image: bytes, block: bool, progress: ByteProgress) -> None:
         """Transfer an image into the staging buffer."""
-        entry = self._entry("Table staging image")
+        entry = dictionary()["Table staging image"]
         transfer = self.client.download_block if block else self.client.download_segmented
         with _refused_for_its_state(STILL_MOVING):
             transfer(entry.index, entry.sub, image, progress)
 
     def dump(self, progress: ByteProgress) -> bytes:
         """The image in force. Empty if there is none. Raises CommunicationError if it arrived damaged."""
-        entry = self._entry("Table active image")
+        entry = dictionary()["Table active image"]
         try:
             image = self.client.upload(entry.index, entry.sub, progress)
         except SdoAbortError as refusal:
@@ -234,9 +234,6 @@ class Compensator:
             self.write("Self-test.Run", (1 << len(SELF_TESTS)) - 1, _COMMAND_TIMEOUT_S)
         failed = self.read_number("Self-test.Tests failed")
         return {name: not failed & 1 << bit for bit, name in enumerate(SELF_TESTS)}
-
-    def _entry(self, name: str) -> Entry:
-        return dictionary()[name]
 
     def _plain(self, name: str) -> int | str:
         value = self.read(name)

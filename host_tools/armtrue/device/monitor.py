@@ -58,20 +58,6 @@ class Snapshot:
         return dict(vars(self))
 
 
-class _Tap:
-    """Counts frames and the time that they occupied the bus."""
-
-    def __init__(self, bitrate: int, data_bitrate: int) -> None:
-        self._bitrate, self._data_bitrate = bitrate, data_bitrate
-        self.seconds = 0.0
-        self.frames = 0
-
-    def count(self, message: can.Message) -> None:
-        """Add one frame."""
-        self.seconds += frame_seconds(message, self._bitrate, self._data_bitrate)
-        self.frames += 1
-
-
 class Monitor:
     """Takes snapshots over one bus; all frames are counted, and recorded if there is a `recording`."""
 
@@ -85,8 +71,7 @@ class Monitor:
         recording: Recording | None = None,
     ) -> None:
         """Find the device. Raises as Compensator.greet; the recording is kept once the device has answered."""
-        self._tap = _Tap(bitrate, data_bitrate)
-        self._bus = _Watched(bus, self._tap, recording)
+        self._bus = _Watched(bus, (bitrate, data_bitrate), recording)
         self._device = Compensator(SdoClient(self._bus, node_id, timeout_s))
         self._device.greet()
         if recording is not None:
@@ -106,8 +91,8 @@ class Monitor:
             last = now
 
     def _take(self, seconds: float, elapsed_s: float) -> Snapshot:
-        load, frames = self._tap.seconds / elapsed_s, self._tap.frames / elapsed_s
-        self._tap.seconds, self._tap.frames = 0.0, 0
+        load, frames = self._bus.seconds / elapsed_s, self._bus.frames / elapsed_s
+        self._bus.seconds, self._bus.frames = 0.0, 0
         read = self._device.read_number
         mode, bits = self._mode_and_bits()
         targets, corrections = self._joint_path(mode, bits)
@@ -158,11 +143,15 @@ class Monitor:
 
 
 class _Watched:
-    """A bus whose frames, received and sent, are also counted, recorded, and searched for joint values."""
+    """A bus whose frames, received and sent, are also counted, recorded, and searched for joint values.
 
-    def __init__(self, bus: can.BusABC, tap: _Tap, recording: Recording | None) -> None:
-        self._bus, self._tap, self._recording = bus, tap, recording
+    `frames` and `seconds`: how many there were, and for how long they occupied the bus.
+    """
+
+    def __init__(self, bus: can.BusABC, bitrates: tuple[int, int], recording: Recording | None) -> None:
+        self._bus, self._bitrates, self._recording = bus, bitrates, recording
         self.cycles: CycleFrames | None = None
+        self.seconds, self.frames = 0.0, 0
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """As can.BusABC.recv."""
@@ -171,7 +160,7 @@ class _Watched:
             if self._recording is not None:
                 self._recording.settle()
             return None
-        self._tap.count(message)
+        self._count(message)
         if self._recording is not None:
             self._recording.received(message)
         if self.cycles is not None:
@@ -189,7 +178,11 @@ class _Watched:
             if self._recording is not None:
                 self._recording.withdraw()
             raise
-        self._tap.count(msg)
+        self._count(msg)
+
+    def _count(self, message: can.Message) -> None:
+        self.seconds += frame_seconds(message, *self._bitrates)
+        self.frames += 1
 
     def watch_until(self, moment: float) -> None:
         """Take frames until a time of time.monotonic()."""

@@ -6,6 +6,7 @@ of PyPI canopen ends early when its chunks are not multiples of seven bytes (its
 
 from __future__ import annotations
 
+import binascii
 import time
 from collections.abc import Callable
 from typing import Protocol
@@ -79,12 +80,7 @@ def _no_progress(done: int, total: int) -> None:
 
 def crc16(data: bytes) -> int:
     """CRC of block transfer: polynomial 0x1021, start 0 (CiA 301, 7.2.4.3.16)."""
-    crc = 0
-    for byte in data:
-        crc ^= byte << 8
-        for _ in range(8):
-            crc = (crc << 1 ^ 0x1021 if crc & 0x8000 else crc << 1) & 0xFFFF
-    return crc
+    return binascii.crc_hqx(data, 0)
 
 
 class Bus(Protocol):

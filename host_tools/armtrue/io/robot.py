@@ -62,11 +62,7 @@ class Robot:
     @property
     def mechanical_coupling(self) -> NDArray[np.float64]:
         """C (n, n): link angles are C · the drives' angles, offsets aside."""
-        matrix = np.eye(self.joint_count)
-        for row in self.spec.get("coupling", []):
-            if row.get("kind") != "controller":
-                matrix[row["joint"] - 1, row["driving"] - 1] += row["ratio"]
-        return matrix
+        return self._coupled("mechanical")
 
     @property
     def kinematics_file(self) -> str:
@@ -81,9 +77,12 @@ class Robot:
     @property
     def drives_from_reported(self) -> NDArray[np.float64]:
         """M (n, n): the drives' angles are M · the reported ones; identity but for couplings of `kind: controller`."""
+        return self._coupled("controller")
+
+    def _coupled(self, kind: str) -> NDArray[np.float64]:
         matrix = np.eye(self.joint_count)
         for row in self.spec.get("coupling", []):
-            if row.get("kind") == "controller":
+            if row.get("kind", "mechanical") == kind:
                 matrix[row["joint"] - 1, row["driving"] - 1] += row["ratio"]
         return matrix
 
@@ -91,7 +90,11 @@ class Robot:
     def reach_m(self) -> float:
         """Upper bound of the distance from base to tool point: the sum of all lengths, in metres."""
         kinematics = self.spec["kinematics"]
-        frames = [*kinematics["joints"], kinematics.get("end", {}), *self._tools()]
+        longest_tool = max(
+            [self.spec.get("tool", {}), *self.spec.get("tools", {}).values()],
+            key=lambda tool: math.hypot(*tool.get("xyz", [0.0])),
+        )
+        frames = [*kinematics["joints"], kinematics.get("end", {}), longest_tool]
         total = 0.0
         for frame in frames:
             total += math.hypot(frame.get("a", 0.0), frame.get("d", 0.0)) + math.hypot(
@@ -100,13 +103,6 @@ class Robot:
             if frame.get("type") == "prismatic":
                 total += max(map(abs, frame.get("limits", [1.0])))
         return total
-
-    def _tools(self) -> list[dict[str, Any]]:
-        longest = max(
-            [self.spec.get("tool", {}), *self.spec.get("tools", {}).values()],
-            key=lambda tool: math.hypot(*tool.get("xyz", [0.0])),
-        )
-        return [longest]
 
     def json(self) -> str:
         """`spec` as JSON text, as `armtrue._core` takes it."""
@@ -226,14 +222,11 @@ def _kinematics(
         "joints": [_joint(row, number, read_frame) for number, row in enumerate(rows, start=1)],
     }
     if convention == "chain":
-        kinematics["end"] = pose(section.section("end")) if section.has("end") else _identity_pose()
+        identity = {"xyz": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}
+        kinematics["end"] = pose(section.section("end")) if section.has("end") else identity
     section.finish()
     _refuse_repeated_names([joint["name"] for joint in kinematics["joints"]], section)
     return kinematics, [], []
-
-
-def _identity_pose() -> dict[str, list[float]]:
-    return {"xyz": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}
 
 
 def _refuse_repeated_names(names: list[str], section: Section) -> None:

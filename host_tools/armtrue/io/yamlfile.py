@@ -225,9 +225,7 @@ class Section:
         value = self.raw(key)
         if value is None and default is not _MISSING:
             return default  # type: ignore[no-any-return]
-        if not isinstance(value, list) or (count is not None and len(value) != count):
-            raise self.fail(key, expected)
-        if not all(_is_number(entry) for entry in value):
+        if not isinstance(value, list) or count not in (None, len(value)) or not all(map(_is_number, value)):
             raise self.fail(key, expected)
         return [float(entry) for entry in value]
 
@@ -252,9 +250,7 @@ class Section:
         expected = f"a list of {how_many}different joint numbers from 1 to {joint_count}"
         if not isinstance(value, list) or not value or (count is not None and len(value) != count):
             raise self.fail(key, expected)
-        if not all(isinstance(k, int) and not isinstance(k, bool) and 1 <= k <= joint_count for k in value):
-            raise self.fail(key, expected)
-        if len(set(value)) != len(value):
+        if not all(type(k) is int and 1 <= k <= joint_count for k in value) or len(set(value)) != len(value):
             raise self.fail(key, expected)
         return list(value)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from armtrue.arrays import Array
 from armtrue.io.columns import commanded_joints
-from armtrue.io.robot import STANDARD_GRAVITY
+from armtrue.io.robot import STANDARD_GRAVITY, Robot
 from armtrue.io.rotation import matrix_about, matrix_from_rpy
 
 # Least sine of a parallelogram's angle: its bars meet before the angle comes closer to 0 or 180 degrees.
@@ -144,14 +144,8 @@ def chain_from_robot(spec: dict[str, Any]) -> Chain:
     """The chain of a normalised robot.yaml (mdh, dh or chain; joint limits default to ±360° and ±1 m)."""
     kinematics = spec["kinematics"]
     rows = kinematics["joints"]
-    n = len(rows)
     fixed, end, listed = _listed_frames(kinematics)
     prismatic = [row.get("type", "revolute") == "prismatic" for row in rows]
-    coupling = np.eye(n)
-    for entry in spec.get("coupling") or []:
-        if entry.get("kind") == "controller":
-            continue  # affects reported angles only: io.dataset converts them to the drives' angles
-        coupling[entry["joint"] - 1, entry["driving"] - 1] += entry["ratio"]
     links = spec.get("links") or []
     temperature = spec.get("temperature") or {}
     linkage = spec.get("linkage")
@@ -160,7 +154,8 @@ def chain_from_robot(spec: dict[str, Any]) -> Chain:
         fixed=fixed,
         end=end,
         offset=np.array([row.get("offset") or 0.0 for row in rows]),
-        coupling=coupling,
+        # The rows of kind controller concern reported angles only: io.dataset converts them to the drives' angles.
+        coupling=Robot(spec).mechanical_coupling,
         limits=np.array(
             [_motor_limits(row, slides) for row, slides in zip(rows, prismatic, strict=True)],
             dtype=np.float64,

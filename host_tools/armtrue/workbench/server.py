@@ -90,9 +90,17 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = 120
 
     def do_GET(self) -> None:
-        self._answer({"": self._page, "state.json": self._state, "script.js": self._script, "style.css": self._style,
-                      "view.json": self._view, "changes": self._changes, "device": self._device, "file": self._file,
-                      **{name: partial(self._piece, make) for name, make in _PIECES.items()}})  # fmt: skip
+        engine = self.server.engine
+        self._answer({
+            "": lambda _: self._html(page.page()),
+            "script.js": lambda _: self._send(page.script().encode(), "text/javascript; charset=utf-8"),
+            "style.css": lambda _: self._send(page.style().encode(), "text/css; charset=utf-8"),
+            "state.json": lambda _: self._json(state(engine)),
+            "view.json": lambda _: self._json(whole_view(engine)),
+            "device": lambda _: self._html(device_view(engine.own_device)),
+            "changes": self._changes, "file": self._file,
+            **{name: partial(self._piece, make) for name, make in _PIECES.items()},
+        })  # fmt: skip
 
     def do_POST(self) -> None:
         self._answer({"do": self._do, "drop": self._drop, "draft": self._draft})
@@ -131,26 +139,8 @@ class _Handler(BaseHTTPRequestHandler):
             return False
         return hmac.compare_digest(token.encode(), self.server.token.encode())
 
-    def _page(self, _words: dict[str, str]) -> None:
-        self._html(page.page())
-
-    def _script(self, _words: dict[str, str]) -> None:
-        self._send(page.script().encode(), "text/javascript; charset=utf-8")
-
-    def _style(self, _words: dict[str, str]) -> None:
-        self._send(page.style().encode(), "text/css; charset=utf-8")
-
-    def _state(self, _words: dict[str, str]) -> None:
-        self._json(state(self.server.engine))
-
-    def _view(self, _words: dict[str, str]) -> None:
-        self._json(whole_view(self.server.engine))
-
     def _piece(self, make: Piece, words: dict[str, str]) -> None:
         self._html(make(self.server.engine.session, words))
-
-    def _device(self, _words: dict[str, str]) -> None:
-        self._html(device_view(self.server.engine.own_device))
 
     def _file(self, words: dict[str, str]) -> None:
         engine = self.server.engine

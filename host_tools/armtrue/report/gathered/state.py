@@ -44,25 +44,24 @@ def joint_unit(joint: dict[str, Any]) -> tuple[str, float]:
     return ("mm", 1e-3) if joint.get("type") == "prismatic" else ("°", _DEGREE)
 
 
-def axis_of(fit: Fit, name: str) -> tuple[str, str, float, float]:
-    """Name of a state variable of docs/model.md, its display unit, that unit's size in SI, and its origin."""
+def axis_of(fit: Fit, name: str) -> tuple[str, str, float]:
+    """Name of a state variable of docs/model.md, its display unit, and that unit's size in SI."""
     found = re.fullmatch(r"([a-zA-Z]+)(\d*)", name)
     stem, number = found.groups() if found else (name, "")
     if stem == "q":
-        return f"joint {number}", *joint_unit(fit.robot.joints[int(number) - 1]), 0.0
+        return f"joint {number}", *joint_unit(fit.robot.joints[int(number) - 1])
     if stem == "time":
-        return "time", "h", _HOUR, 0.0
+        return "time", "h", _HOUR
     if name.startswith("dT"):
-        return f"temperature {name[3:]} above its reference".replace("  ", " "), "K", 1.0, 0.0
+        return f"temperature {name[3:]} above its reference".replace("  ", " "), "K", 1.0
     words, unit, factor = _STATE.get(stem, (name, "", 1.0))
-    return words.format(number), unit, factor, 0.0
+    return words.format(number), unit, factor
 
 
 def state_variable(fit: Fit, name: str) -> Variable:
     """A state variable of docs/model.md over the fitted rows, in its display unit."""
-    what, unit, factor, origin = axis_of(fit, name)
-    values = (fit.state_column(name) - origin) / factor
-    return Variable(name, what, unit, values)
+    what, unit, factor = axis_of(fit, name)
+    return Variable(name, what, unit, fit.state_column(name) / factor)
 
 
 @dataclass(frozen=True)

@@ -88,9 +88,9 @@ def _finding(step: Step, entry: dict[str, Any]) -> Finding:
     curve = entry.get("curve") or {"x": []}
     if len(curve["x"]) < 2:
         return Finding(entry)
-    what, unit, factor, origin = axis_of(step.fit, names[0])
-    x = (np.array(curve["x"]) - origin) / factor
-    return Finding(entry, _label(what, unit), along, x=x, y=np.array(curve["y"]) / direction.size)
+    what, unit, factor = axis_of(step.fit, names[0])
+    x, y = np.array(curve["x"]) / factor, np.array(curve["y"]) / direction.size
+    return Finding(entry, _label(what, unit), along, x=x, y=y)
 
 
 def _by_two(step: Step, entry: dict[str, Any], direction: Direction, along: str) -> Finding:

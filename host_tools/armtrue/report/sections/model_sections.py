@@ -138,10 +138,10 @@ def _curve(fit: Fit, entries: list[dict[str, Any]]) -> Markup:
         values[at] = entry["value"] * entry["terms"][0]["weight"]
         sigmas[at] = entry["sigma"] or 0.0
     factor, unit = (ARCSECOND, "″") if entries[0]["unit"].startswith("rad") else (1e-6, "µm")
-    what, of_axis, scale, origin = axis_of(fit, axis["variable"])
+    what, of_axis, scale = axis_of(fit, axis["variable"])
     title = name({"effect": entries[0]["effect"], "joints": entries[0]["joints"]})
     panel = charts.curve_panel(
-        (nodes - origin) / scale,
+        nodes / scale,
         values / factor,
         f"{what} [{of_axis}]" if of_axis else what,
         f"{coordinate_words(term['coordinate'])} [{unit}]",
