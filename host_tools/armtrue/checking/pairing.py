@@ -62,7 +62,8 @@ class _Placed:
 
     def explained(self) -> Mask:
         """Rows that follow the arm with some lag or reflector."""
-        return np.asarray(self._least() <= self.limit_m)
+        least = np.min([self.own, *self.shifted.values(), self.renamed.min(axis=0)], axis=0)
+        return np.asarray(least <= self.limit_m)
 
     def best_lag(self) -> NDArray[np.int64]:
         """For each row the lag with the smallest distance; 0 if the row's own joints are within the limit."""
@@ -73,9 +74,6 @@ class _Placed:
     def best_target(self, own: NDArray[np.int64]) -> NDArray[np.int64]:
         """For each row the reflector with the smallest distance; that in `own` if the row is within the limit."""
         return np.where(self.own <= self.limit_m, own, np.argmin(self.renamed, axis=0))
-
-    def _least(self) -> Array:
-        return np.asarray(np.min([self.own, *self.shifted.values(), self.renamed.min(axis=0)], axis=0))
 
 
 def find(data: Dataset, measured: Columns, robot: Robot) -> tuple[list[Finding], Mask]:

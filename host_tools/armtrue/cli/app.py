@@ -118,18 +118,14 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(READER_GONE)
     except OSError as error:
-        print(f"armtrue: {_place(error)}: {error.strerror or error}", file=sys.stderr)
+        place = error.filename or "standard output or a file"
+        print(f"armtrue: {place}: {error.strerror or error}", file=sys.stderr)
         # _exit, because at a usual exit Python would write the rest of standard output again.
         sys.stderr.flush()
         os._exit(INPUT_AT_FAULT)
     except MemoryError:
         print("armtrue: found more than this machine's memory holds, expected smaller files", file=sys.stderr)
         sys.exit(INPUT_AT_FAULT)
-
-
-def _place(error: OSError) -> str:
-    """Name of the file that could not be read or written."""
-    return str(error.filename) if error.filename else "standard output or a file"
 
 
 def _sentence(error: click.ClickException) -> str:

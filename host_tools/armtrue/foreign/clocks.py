@@ -60,7 +60,7 @@ class Clock:
     def seconds(self, cells: list[str], decimal: str) -> Array:
         """Seconds of each of `cells`, from the same origin for all clocks of one kind."""
         if self.pattern is not None:
-            return np.array([_since(cell, self.pattern) for cell in cells])
+            return np.array([(read_stamp(cell, self.pattern) - _BEGIN).total_seconds() for cell in cells])
         return np.array([to_float(cell, decimal) for cell in cells]) * self.factor + self.zero
 
     def entry(self, header: str, cells: list[str], decimal: str) -> tuple[str, Any]:
@@ -256,10 +256,6 @@ def _parsed(cell: str, pattern: str) -> datetime.datetime | None:
         return None
     dated = "%Y" in pattern or "%y" in pattern
     return stamp if not dated or _YEARS[0] <= stamp.year <= _YEARS[1] else None
-
-
-def _since(cell: str, pattern: str) -> float:
-    return (read_stamp(cell, pattern) - _BEGIN).total_seconds()
 
 
 def _of_figures(figures: Array, stated: str | None) -> Clock:

@@ -76,17 +76,13 @@ def init(
             raise InputError(
                 f"{target}: found the file already, expected a new folder (or --force, which replaces it)"
             )
+    own = out / "robot.yaml"
     try:
-        return _Init(files, out).run(urdf, dh, robot or _own_robot(out), skip_bad)
+        return _Init(files, out).run(urdf, dh, robot or (own if own.is_file() else None), skip_bad)
     except RowError as error:
         if skip_bad:
             raise InputError(f"{error}, as in most of the rows") from None
         raise InputError(f"{error}; --skip-bad reads the other rows") from None
-
-
-def _own_robot(out: Path) -> Path | None:
-    own = out / "robot.yaml"
-    return own if own.is_file() else None
 
 
 class _Init:

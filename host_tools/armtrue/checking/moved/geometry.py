@@ -12,7 +12,7 @@ from armtrue.checking.alignment import Columns, align, thinned
 from armtrue.checking.residuals import gross_limit_m
 from armtrue.io.columns import POSITION, commanded_joints
 from armtrue.io.robot import Robot
-from armtrue.tables.chain import Chain, chain_from_robot, pose
+from armtrue.tables.chain import Chain, chain_from_robot, pose, transform
 
 _PASSES = 4
 # Combinations of coordinates with a singular value below this share of the largest stay at their nominal value.
@@ -88,7 +88,8 @@ def fit_geometry(columns: Columns, robot: Robot) -> Geometry:
     for _ in range(_PASSES):
         state.step()
     span, _, _ = state.decomposed()
-    turns = [_angle(one) for one in state.corrections]
+    cosines = [(np.trace(one[:3, :3]) - 1.0) / 2.0 for one in state.corrections]
+    turns = [float(np.arccos(np.clip(cosine, -1.0, 1.0))) for cosine in cosines]
     shifts = [float(np.linalg.norm(one[:3, 3])) for one in state.corrections]
     return Geometry(
         state.chain,
@@ -200,10 +201,7 @@ class _State:
         return moved_by(frame, self.points, self._reach_m)
 
     def _correction(self, six: Array) -> Array:
-        result = np.eye(4)
-        result[:3, :3] = _turn(six[3:] / self._reach_m)
-        result[:3, 3] = six[:3]
-        return result
+        return transform(six[:3], _turn(six[3:] / self._reach_m))
 
 
 def seen_part(design: Array, least: float) -> tuple[Array, Array, Array]:
@@ -241,10 +239,6 @@ def _turn(vector: Array) -> Array:
     x, y, z = vector / angle
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
-
-
-def _angle(motion: Array) -> float:
-    return float(np.arccos(np.clip((np.trace(motion[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
 
 
 def _numbered(columns: list[Array], count: int) -> NDArray[np.int64]:

@@ -107,6 +107,13 @@ def _beside(path: Path, suffix: str) -> Path:
 typer.core.HAS_RICH = False
 
 
+def _list_commands(group: click.Group, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    """Write every command with its complete first sentence, which Click would cut to one line."""
+    commands = [(name, group.get_command(ctx, name)) for name in group.list_commands(ctx)]
+    with formatter.section("Commands"):
+        formatter.write_dl([(name, own.get_short_help_str(limit=1000)) for name, own in commands if own])
+
+
 class GuardedGroup(typer.core.TyperGroup):
     """The group of all commands; this module checks their arguments before any of them begins.
 
@@ -115,6 +122,7 @@ class GuardedGroup(typer.core.TyperGroup):
     """
 
     homes: ClassVar[dict[str, tuple[str, str]]] = {}
+    format_commands = _list_commands
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
@@ -137,10 +145,6 @@ class GuardedGroup(typer.core.TyperGroup):
         if cmd_name in self.commands or cmd_name not in self.homes:
             return self.commands.get(cmd_name)
         return typer.core.TyperCommand(cmd_name, help=self.homes[cmd_name][1])
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List every command with its complete line of the help."""
-        _list_commands(self, ctx, formatter)
 
     def whole(self) -> GuardedGroup:
         """The group with every command loaded, for the documentation."""
@@ -174,13 +178,6 @@ class GuardedGroup(typer.core.TyperGroup):
             hint = did_you_mean(name, self.homes) if name else ""
             ctx.fail(f"No such command '{name}'{hint}")
         return super().resolve_command(ctx, args)
-
-
-def _list_commands(group: click.Group, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-    """Write every command with its complete first sentence, which Click would cut to one line."""
-    commands = [(name, group.get_command(ctx, name)) for name in group.list_commands(ctx)]
-    with formatter.section("Commands"):
-        formatter.write_dl([(name, own.get_short_help_str(limit=1000)) for name, own in commands if own])
 
 
 _EXAMPLE = re.compile(r"Example: .*?(?=\n\s*\n|\Z)", re.DOTALL)

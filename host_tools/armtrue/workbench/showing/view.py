@@ -47,7 +47,7 @@ _SAID_ELSEWHERE = ("armtrue add FIT", "not testable with")
 def pieces(engine: Engine) -> dict[str, str]:
     """The parts of the page that an action changes."""
     always: dict[str, str] = {
-        "title": _title(engine),
+        "title": tag("div", tag("h1", engine.title), tag("p", engine.about, class_="about")),
         "opening": _opening(engine),
         "notes": listed(engine.notes),
     }
@@ -91,10 +91,6 @@ def buttons(engine: Engine) -> dict[str, bool]:
         **dict.fromkeys(("refine", "export", "report"), free),
         "cancel": engine.task is not None or (engine.is_open and engine.background.task is not None),
     }
-
-
-def _title(engine: Engine) -> Markup:
-    return tag("div", tag("h1", engine.title), tag("p", engine.about, class_="about"))
 
 
 _HOW_TO_OPEN = (
