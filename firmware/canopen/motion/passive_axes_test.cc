@@ -101,6 +101,29 @@ TEST_F(PassiveAxisTest, PassiveAxisTargetMapped_PassesUnchanged) {
   EXPECT_EQ(load_le<std::int32_t>(&sent[0].data[4]), 77'777);
 }
 
+// A table that is only staged says nothing about the drives of the table in force.
+TEST_F(PassiveAxisTest, StagedTable_DoesNotLiftGuards) {
+  bench.install(with_drives.image());
+  bench.configure(Mode::kInline);
+  bench.nmt(128);
+  map_alone(0x140B, 0x160B, 0x1D0, 0x60410010);
+  map_alone(0x140C, 0x160C, 0x1D5, 0x88410010);
+  bench.start_nodes();
+  for (int k = 0; k < 100; ++k) {
+    bench.next_sync();
+    bench.command_joints({100'000, 100'000, 100'000, 100'000, 100'000, 100'000});
+  }
+  for (const std::uint32_t id : {0x1D0U, 0x1D5U})
+    bench.from_drives(make_frame(id, {kSwitchOnDisabled & 0xFF, kSwitchOnDisabled >> 8}));
+  bench.run_for(600'000);
+  ASSERT_EQ(bench.write(0x2000, 1, 0, 1), kDeviceState);
+  ASSERT_EQ(bench.stage(TestTable{.sequence = 9, .passive = 0x1E}.image()), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  EXPECT_EQ(bench.write(0x2000, 1, 0, 1), kDeviceState);
+  ASSERT_EQ(bench.command(TableCommand::kDiscard), 0U);
+  EXPECT_EQ(bench.write(0x2000, 1, 0, 1), kDeviceState);
+}
+
 // First table: until it is verified, the node does not know that axis 6 has no drive to disable.
 TEST_F(PassiveAxisTest, Commit_RequiresOnlyExistingDrivesDisabled) {
   for (std::uint16_t k = 0; k < 5; ++k) {

@@ -95,12 +95,12 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
   }
   if (is(entry, od::store_parameters::kSaveAllParameters)) {
     if (wanted != kSave) return Abort::kCannotStore;
-    if (!is_quiet() || !may_erase()) return Abort::kDeviceState;
+    if (!is_quiet() || !may_erase(0)) return Abort::kDeviceState;
     return save_parameters(dictionary_, parts_.parameters) ? Abort::kNone : Abort::kHardware;
   }
   if (is(entry, od::restore_default_parameters::kRestoreAllDefaultParameters)) {
     if (wanted != kLoad) return Abort::kCannotStore;
-    if (!is_quiet() || !may_erase()) return Abort::kDeviceState;
+    if (!is_quiet() || !may_erase(0)) return Abort::kDeviceState;
     return parts_.parameters.erase() ? Abort::kNone : Abort::kHardware;
   }
   const Abort abort = check_pdo_write(dictionary_, entry, value, pdos_.payload_max());
@@ -117,26 +117,26 @@ bool Node::holds_correction() const {
          parts_.compensator.state() != CompensatorState::kPassThrough && !all_say_disabled();
 }
 
-bool Node::all_say_disabled() const {
-  const std::uint32_t all = joints_.axes_with_drives() & ~std::uint32_t{tables_.passive()};
+bool Node::all_say_disabled(std::uint8_t passive) const {
+  const std::uint32_t all = joints_.axes_with_drives() & ~std::uint32_t{passive};
   return (joints_.drives().disabled() & all) == all;
 }
 
 // An erase stalls the core for seconds on some ports, and nothing is forwarded meanwhile. While
 // frames come from downstream, a drive counts as enabled unless its statusword reports it
 // disabled. If none come, there is nothing to forward.
-bool Node::may_erase() const {
+bool Node::may_erase(std::uint8_t passive) const {
   const DriveStates& drives = joints_.drives();
   if ((drives.known() & ~drives.disabled()) != 0) return false;
   const bool is_silent = !has_heard_drives_ || now_us_ - drives_heard_us_ > DriveStates::kSilentUs;
-  return is_silent || all_say_disabled();
+  return is_silent || all_say_disabled(passive);
 }
 
 // Resolution, ranges and limits may change only without a correction, at rest, and with the drives
 // disabled or silent: a change of scale under a correction would be a step, and the limits are
 // valid in the drives' own scale only.
 bool Node::may_change_resolution() const {
-  return is_quiet() && may_erase() &&
+  return is_quiet() && may_erase(0) &&
          (all_say_disabled() || !joints_.drives().is_speaking(now_us_)) &&
          parts_.compensator.state() == CompensatorState::kPassThrough;
 }
@@ -151,10 +151,7 @@ Abort Node::before_write(const od::Entry& entry, std::span<const std::uint8_t> v
 
 Abort Node::check_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
   if (entry.index < 0x2000) return check_communication_write(entry, value);
-  if (is(entry, od::kTableCommand)) {
-    const bool erases = load_le(value) == static_cast<std::uint32_t>(TableCommand::kCommit);
-    return tables_.command(load_le(value), is_quiet() && (!erases || may_erase()));
-  }
+  if (is(entry, od::kTableCommand)) return tables_.command(load_le(value), is_quiet());
   namespace control = od::compensator_control;
   if (is(entry, control::kMode)) {
     const auto wanted = static_cast<Mode>(value[0]);

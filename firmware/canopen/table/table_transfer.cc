@@ -44,6 +44,11 @@ bool limits_are_too_wide(std::span<const std::uint8_t> image) {
   return false;
 }
 
+// Not inlined: a TableView would stay on the stack during the signature check.
+[[gnu::noinline]] std::uint8_t passive_in(std::span<const std::uint8_t> image) {
+  return TableView(image).passive();
+}
+
 // Mantissa of the increments per unit, without sign and power of two.
 std::uint64_t mantissa_of(const std::uint8_t* joint) {
   return magnitude(load_i32(joint + format::joint::kIncrementPerUnitAt));
@@ -100,12 +105,13 @@ storage::TableVerdict IdentityVerifier::verify(std::span<const std::uint8_t> ima
 
 TableTransfer::TableTransfer(ObjectDictionary& dictionary, Compensator& compensator,
                              storage::SlotStore& store, Emcy& emcy, const DeviceIdentity& device,
-                             const TableMemory& memory)
+                             const TableMemory& memory, const DriveGuard& drives)
     : dictionary_(dictionary),
       compensator_(compensator),
       store_(store),
       emcy_(emcy),
       device_(device),
+      drives_(drives),
       buffers_(memory, compensator) {}
 
 std::size_t TableTransfer::capacity() const {
@@ -193,10 +199,7 @@ Abort TableTransfer::command(std::uint32_t word, bool quiet) {
                      command == TableCommand::kActivate || command == TableCommand::kConfirm ||
                      command == TableCommand::kRevert;
   if (!known) return Abort::kValueRange;
-  if (!quiet) {
-    count(refused_);
-    return Abort::kDeviceState;
-  }
+  if (!quiet) return refuse_now();
   switch (command) {
     case TableCommand::kVerify:
       return verify();
@@ -222,6 +225,12 @@ Abort TableTransfer::refuse(std::uint16_t reason, std::uint32_t field) {
   return Abort::kIncompatibleParameter;
 }
 
+// The state of the arm forbids a request; the staged table stays as it is.
+Abort TableTransfer::refuse_now() {
+  count(refused_);
+  return Abort::kDeviceState;
+}
+
 Abort TableTransfer::verify() {
   if (state_ == StagingState::kVerified || state_ == StagingState::kCommitted) return Abort::kNone;
   if (state_ != StagingState::kReceived) return Abort::kDeviceState;
@@ -234,7 +243,6 @@ Abort TableTransfer::verify() {
   if (is_replay(image, buffers_.active()))
     return refuse(kOlderThanActive, format::header::kSequenceAt);
   state_ = StagingState::kVerified;
-  passive_ = TableView(image).passive();
   emcy_.clear(Condition::kTableRefused);
   return Abort::kNone;
 }
@@ -261,7 +269,10 @@ Abort TableTransfer::result(storage::StoreResult result) {
 Abort TableTransfer::commit() {
   if (state_ == StagingState::kCommitted) return Abort::kNone;
   if (state_ != StagingState::kVerified) return Abort::kDeviceState;
-  const Abort abort = result(store_.commit(buffers_.staged(staged_)));
+  const std::span<const std::uint8_t> image = buffers_.staged(staged_);
+  // When the first table of a device is committed, only this table tells which axes have drives.
+  if (!drives_.may_erase(passive_in(image))) return refuse_now();
+  const Abort abort = result(store_.commit(image));
   if (abort == Abort::kNone) state_ = StagingState::kCommitted;
   return abort;
 }

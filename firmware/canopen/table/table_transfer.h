@@ -56,10 +56,22 @@ class IdentityVerifier final : public storage::TableVerifier {
   const DeviceIdentity& device_;
 };
 
+// What the drives permit. `passive`: bit k, axis k has no drive according to the table in question;
+// such an axis need not report its state.
+class DriveGuard {
+ public:
+  // Whether the core may stall while flash is erased.
+  virtual bool may_erase(std::uint8_t passive) const = 0;
+
+ protected:
+  ~DriveGuard() = default;
+};
+
 class TableTransfer final : public DomainHandler {
  public:
   TableTransfer(ObjectDictionary& dictionary, Compensator& compensator, storage::SlotStore& store,
-                Emcy& emcy, const DeviceIdentity& device, const TableMemory& memory);
+                Emcy& emcy, const DeviceIdentity& device, const TableMemory& memory,
+                const DriveGuard& drives);
 
   // Reads the slots and puts their table in force. Call once at power-on and at NMT reset node, not
   // while joint commands arrive.
@@ -83,10 +95,6 @@ class TableTransfer final : public DomainHandler {
     return buffers_.active().empty() || validate(buffers_.active(), device_).accepted();
   }
 
-  // Bit k: axis k has no drive, according to the table that was verified last. When the first table
-  // of a device is committed, only this table tells which axes have drives.
-  std::uint8_t passive() const { return passive_; }
-
   std::uint32_t refused() const { return refused_; }
   bool on_trial() const { return trial_; }
 
@@ -105,6 +113,7 @@ class TableTransfer final : public DomainHandler {
   Abort discard();
   Abort result(storage::StoreResult result);
   Abort refuse(std::uint16_t reason, std::uint32_t field);
+  Abort refuse_now();
   void use(std::span<const std::uint8_t> image);
   Validation check_resolution(std::span<const std::uint8_t> image) const;
   Validation check(std::span<const std::uint8_t> image) const;
@@ -118,6 +127,7 @@ class TableTransfer final : public DomainHandler {
   storage::SlotStore& store_;
   Emcy& emcy_;
   const DeviceIdentity& device_;
+  const DriveGuard& drives_;
   TableBuffers buffers_;
   bool quiet_ = true;
   bool enabled_ = true;
@@ -128,7 +138,6 @@ class TableTransfer final : public DomainHandler {
   // 0x2013 sub 4 (sub 13: active_checksum_), updated as the bytes arrive. It covers all but the
   // last four bytes, the image's own CRC: over data and its CRC, a CRC is the same for every image.
   std::uint32_t staged_checksum_ = 0;
-  std::uint8_t passive_ = 0;
   std::uint32_t active_checksum_ = 0;
   std::uint16_t refusal_reason_ = 0;  // 0x2013 sub 2
   std::uint32_t refusal_field_ = 0;   // 0x2013 sub 15
