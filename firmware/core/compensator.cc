@@ -201,7 +201,7 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
     motion.has_previous_target = false;
     motion.direction = {};
   });
-  if (blend_ms_ == 0) return true;  // no table yet, and no scale
+  if (!has_had_table()) return true;  // and no scale
   bool fits = true;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const std::int64_t exact = scale_[k].units_of(held[k]);

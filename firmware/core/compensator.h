@@ -214,6 +214,8 @@ class Compensator {
   // Bit k: joint k has no drive, according to the table in force or, without one, the last that
   // was. Before the first table every joint counts as one with a drive.
   std::uint8_t passive() const { return table_.passive(); }
+  // Whether a table was ever in force.
+  bool has_had_table() const { return blend_ms_ != 0; }
   // Of the table in force or, without one, the last that was.
   const JointScale& scale(std::size_t joint) const { return scale_[joint]; }
 

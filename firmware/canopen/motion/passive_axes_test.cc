@@ -32,6 +32,8 @@ class PassiveAxisTest : public testing::Test {
     EXPECT_EQ(bench.write(index, sub, value, size), 0U) << std::hex << index;
   }
   bool is_configured() { return (bench.read(0x2001, 2) & 1U) != 0; }
+  std::uint32_t state() { return bench.read(0x2001, 1); }
+  std::uint32_t reason() { return bench.read(0x2013, 2); }
   // Sends a set without axis 6. Returns the targets that left downstream; the last is axis 5's.
   std::vector<CanFrame> cycle(std::int32_t target) {
     bench.next_sync();
@@ -41,6 +43,26 @@ class PassiveAxisTest : public testing::Test {
     std::vector<CanFrame> sent = bench.downstream.take_sent();
     std::erase_if(sent, [](const CanFrame& f) { return f.id == 0x80 || f.id == 0x700; });
     return sent;
+  }
+
+  // Sends `cycles` sets. Returns the target that drive 1 was sent last.
+  std::int32_t run(int cycles, std::int32_t target = 100'000) {
+    std::int32_t last = INT32_MIN;
+    for (int k = 0; k < cycles; ++k) {
+      const std::vector<CanFrame> sent = cycle(target);
+      if (!sent.empty()) last = load_le<std::int32_t>(&sent[0].data[0]);
+    }
+    return last;
+  }
+  void disable_and_fade() {
+    ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+    run(100);
+    bench.run_for(1'100'000);
+    ASSERT_EQ(state(), 0U);
+  }
+  void report_positions() {
+    for (std::uint32_t pair = 0; pair < 2; ++pair)
+      bench.from_drives(NodeBench::pair_frame(0x1C0 + pair, 100'000, 100'000));
   }
 
   TestTable with_drives;
@@ -99,6 +121,103 @@ TEST_F(PassiveAxisTest, PassiveAxisTargetMapped_PassesUnchanged) {
   ASSERT_EQ(sent.size(), 1U);
   EXPECT_NE(load_le<std::int32_t>(&sent[0].data[0]), 100'000);
   EXPECT_EQ(load_le<std::int32_t>(&sent[0].data[4]), 77'777);
+}
+
+// With a table that calls other joints passive, other targets form a set. The mapped ones would
+// pass uncorrected from the next cycle on: a step by what the drives hold.
+TEST_F(PassiveAxisTest, ActivateOfOtherPassiveJoints_WhileCorrecting_IsRefused) {
+  bench.install(without_the_last.image());
+  configure(Mode::kInline);
+  const std::int32_t held = run(100);
+  ASSERT_NE(held, 100'000);
+  bench.run_for(600'000);
+  with_drives.sequence = 3;
+  bench.commit(with_drives.image());
+  EXPECT_EQ(bench.command(TableCommand::kActivate), kDeviceState);
+  EXPECT_EQ(reason(), 0x102U);
+  EXPECT_EQ(bench.read(0x2013, 14), 0U) << "no trial";
+  EXPECT_EQ(run(3), held);
+  disable_and_fade();
+  EXPECT_EQ(bench.command(TableCommand::kActivate), 0U);
+  EXPECT_EQ(reason(), 0U);
+  EXPECT_TRUE(is_configured()) << "the table before, until this one is enabled";
+  EXPECT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
+  EXPECT_FALSE(is_configured());
+}
+
+TEST_F(PassiveAxisTest, ActivateOfTheSamePassiveJoints_WhileCorrecting_Blends) {
+  bench.install(without_the_last.image());
+  configure(Mode::kInline);
+  const std::int32_t held = run(100);
+  bench.run_for(600'000);
+  without_the_last.sequence = 3;
+  bench.put_on_trial(without_the_last.image());
+  EXPECT_EQ(run(3), held);
+  bench.run_for(600'000);
+  EXPECT_EQ(bench.command(TableCommand::kRevert), 0U);
+  EXPECT_EQ(run(3), held);
+}
+
+TEST_F(PassiveAxisTest, RevertToOtherPassiveJoints_WhileCorrecting_IsRefused) {
+  bench.install(with_drives.image());
+  configure(Mode::kInline);
+  bench.put_on_trial(without_the_last.image());
+  const std::int32_t held = run(100);
+  ASSERT_NE(held, 100'000);
+  bench.run_for(600'000);
+  EXPECT_EQ(bench.command(TableCommand::kRevert), kDeviceState);
+  EXPECT_EQ(reason(), 0x102U);
+  EXPECT_EQ(bench.read(0x2013, 14), 1U) << "still on trial";
+  EXPECT_EQ(run(3), held);
+  disable_and_fade();
+  EXPECT_EQ(bench.command(TableCommand::kRevert), 0U);
+  EXPECT_EQ(bench.read(0x2013, 16), 1U);
+}
+
+TEST_F(PassiveAxisTest, EnablingOtherPassiveJoints_WhileADriveSpeaks_IsRefused) {
+  bench.install(without_the_last.image());
+  configure(Mode::kInline);
+  run(100);
+  disable_and_fade();
+  with_drives.sequence = 3;
+  bench.install(with_drives.image());
+  report_positions();
+  EXPECT_EQ(bench.write(0x2000, 2, 1, 1), kDeviceState);
+  EXPECT_EQ(reason(), 0x102U);
+  EXPECT_TRUE(is_configured());
+  bench.run_for(1'100'000);
+  EXPECT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
+  EXPECT_EQ(reason(), 0U);
+  EXPECT_FALSE(is_configured());
+}
+
+// After a restart the drives may hold a correction that the node does not know yet.
+TEST_F(PassiveAxisTest, ActivateOfOtherPassiveJoints_WhileADriveSpeaks_IsRefused) {
+  bench.install(without_the_last.image());
+  configure(Mode::kInline);
+  with_drives.sequence = 3;
+  bench.commit(with_drives.image());
+  report_positions();
+  EXPECT_EQ(bench.command(TableCommand::kActivate), kDeviceState);
+  bench.run_for(1'100'000);
+  EXPECT_EQ(bench.command(TableCommand::kActivate), 0U);
+}
+
+TEST_F(PassiveAxisTest, RefusedActivate_KeepsTheCommittedTable) {
+  bench.install(without_the_last.image());
+  configure(Mode::kInline);
+  run(100);
+  bench.run_for(600'000);
+  with_drives.sequence = 3;
+  bench.commit(with_drives.image());
+  without_the_last.sequence = 4;
+  ASSERT_EQ(bench.stage(without_the_last.image()), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kVerify), 0U);
+  EXPECT_EQ(bench.command(TableCommand::kActivate), kDeviceState);
+  EXPECT_EQ(bench.read(0x2013, 1), 0U) << "the slot was read into the staging buffer";
+  disable_and_fade();
+  EXPECT_EQ(bench.command(TableCommand::kActivate), 0U);
+  EXPECT_EQ(bench.read(0x2013, 16), 3U);
 }
 
 // A table that is only staged says nothing about the drives of the table in force.

@@ -110,12 +110,15 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
   return abort == Abort::kNone && is_twice ? Abort::kIncompatibleParameter : abort;
 }
 
-// Whether an enabled drive holds a correction. An uncorrected target would then be a step, and an
-// offset that is no longer sent would stay in the drive.
-bool Node::holds_correction() const {
-  return joints_.phase() != Phase::kUnknown &&
-         parts_.compensator.state() != CompensatorState::kPassThrough && !all_say_disabled();
+// Whether every drive has none of this node's corrections: then an uncorrected target is no step,
+// and no offset stays in a drive.
+bool Node::is_free_of_correction() const {
+  return joints_.phase() == Phase::kUnknown ||
+         parts_.compensator.state() == CompensatorState::kPassThrough;
 }
+
+// Whether an enabled drive holds a correction.
+bool Node::holds_correction() const { return !is_free_of_correction() && !all_say_disabled(); }
 
 bool Node::all_say_disabled(std::uint8_t passive) const {
   const std::uint32_t all = joints_.axes_with_drives() & ~std::uint32_t{passive};
@@ -132,12 +135,22 @@ bool Node::may_erase(std::uint8_t passive) const {
   return is_silent || all_say_disabled(passive);
 }
 
+// Whether all drives are disabled or silent.
+bool Node::drives_are_off(std::uint8_t passive) const {
+  return may_erase(passive) &&
+         (all_say_disabled(passive) || !joints_.drives().is_speaking(now_us_));
+}
+
+// While the phase is unknown, enabled drives may hold a correction from before the start.
+bool Node::may_change_axes(std::uint8_t passive) const {
+  return is_free_of_correction() && drives_are_off(passive);
+}
+
 // Resolution, ranges and limits may change only without a correction, at rest, and with the drives
 // disabled or silent: a change of scale under a correction would be a step, and the limits are
 // valid in the drives' own scale only.
 bool Node::may_change_resolution() const {
-  return is_quiet() && may_erase(0) &&
-         (all_say_disabled() || !joints_.drives().is_speaking(now_us_)) &&
+  return is_quiet() && drives_are_off(0) &&
          parts_.compensator.state() == CompensatorState::kPassThrough;
 }
 
@@ -173,7 +186,8 @@ Abort Node::check_write(const od::Entry& entry, std::span<const std::uint8_t> va
   }
   if (is(entry, control::kCorrectionEnable)) {
     // Disabling is always allowed; enabling checks the table again, which takes too long in motion.
-    return value[0] == 0 || is_quiet() ? Abort::kNone : Abort::kDeviceState;
+    if (value[0] == 0) return Abort::kNone;
+    return is_quiet() ? tables_.check_enable() : Abort::kDeviceState;
   }
   if (is(entry, od::self_test::kRun)) {
     if ((value[0] & ~kAllTests) != 0 || value[0] == 0) return Abort::kValueRange;

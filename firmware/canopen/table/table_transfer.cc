@@ -18,6 +18,7 @@ enum UploadRefusal : std::uint16_t {
   kFits = 0,
   kOlderThanActive = 0x100,  // replay: an earlier export than the table in force
   kLimitsTooWide = 0x101,    // asks for larger corrections than this firmware ever makes
+  kOtherAxes = 0x102,        // other passive joints than the table before; not now
 };
 constexpr std::uint8_t kNoSlot = 0xFF;
 
@@ -192,6 +193,12 @@ void TableTransfer::set_enabled(bool enabled) {
   put_in_force();
 }
 
+Abort TableTransfer::check_enable() {
+  forget_other_axes();
+  const bool changes = !enabled_ && !buffers_.active().empty();
+  return changes ? check_axes(passive_in(buffers_.active())) : Abort::kNone;
+}
+
 Abort TableTransfer::command(std::uint32_t word, bool quiet) {
   const auto command = static_cast<TableCommand>(word);
   if (command == TableCommand::kDiscard) return discard();
@@ -200,6 +207,7 @@ Abort TableTransfer::command(std::uint32_t word, bool quiet) {
                      command == TableCommand::kRevert;
   if (!known) return Abort::kValueRange;
   if (!quiet) return refuse_now();
+  forget_other_axes();
   switch (command) {
     case TableCommand::kVerify:
       return verify();
@@ -229,6 +237,22 @@ Abort TableTransfer::refuse(std::uint16_t reason, std::uint32_t field) {
 Abort TableTransfer::refuse_now() {
   count(refused_);
   return Abort::kDeviceState;
+}
+
+// This reason depends on the drives, so that it tells about the last request only.
+void TableTransfer::forget_other_axes() {
+  if (refusal_reason_ == kOtherAxes) refusal_reason_ = kFits;
+}
+
+// Before the first table nothing is corrected, and no drive holds a correction of this node.
+Abort TableTransfer::check_axes(std::uint8_t passive) {
+  if (!compensator_.has_had_table() || passive == compensator_.passive() ||
+      drives_.may_change_axes(passive)) {
+    return Abort::kNone;
+  }
+  refusal_reason_ = kOtherAxes;
+  refusal_field_ = 0;
+  return refuse_now();
 }
 
 Abort TableTransfer::verify() {
@@ -281,8 +305,21 @@ Abort TableTransfer::activate() {
   const std::span<std::uint8_t> buffer = buffers_.writable();
   if (buffer.empty()) return Abort::kDeviceState;
   std::span<const std::uint8_t> image;
-  const Abort abort = result(store_.activate(buffer, image));
+  storage::StoreResult loaded = store_.load_pending(buffer, image);
+  if (loaded == storage::StoreResult::kDone) {
+    const Abort refusal = enabled_ ? check_axes(passive_in(image)) : Abort::kNone;
+    if (refusal != Abort::kNone) {
+      // The image of the slot has replaced the staged one.
+      discard();
+      refusal_reason_ = kOtherAxes;
+      return refusal;
+    }
+    loaded = store_.begin_trial();
+  }
+  const Abort abort = result(loaded);
   if (abort == Abort::kNone) {
+    const std::span<const std::uint8_t> before = buffers_.active();
+    passive_before_trial_ = before.empty() ? passive_in(image) : passive_in(before);
     trial_ = true;
     use(image);
   } else if (last_result_ != storage::StoreResult::kNothingPending) {
@@ -305,6 +342,9 @@ Abort TableTransfer::confirm() {
 Abort TableTransfer::revert() {
   const bool was_trial = trial_;
   if (was_trial && buffers_.writable().empty()) return Abort::kDeviceState;
+  if (was_trial && enabled_) {
+    if (const Abort abort = check_axes(passive_before_trial_); abort != Abort::kNone) return abort;
+  }
   const Abort abort = result(store_.revert());
   // A trial is over even if its mark could not be written: the next start rejects it in any case.
   if (abort != Abort::kNone && abort != Abort::kHardware) return abort;

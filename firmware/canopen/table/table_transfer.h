@@ -62,6 +62,9 @@ class DriveGuard {
  public:
   // Whether the core may stall while flash is erased.
   virtual bool may_erase(std::uint8_t passive) const = 0;
+  // Whether a table may come into force that has other passive joints than the one before. Other
+  // targets then form a set, and those that are mapped may pass uncorrected from now on.
+  virtual bool may_change_axes(std::uint8_t passive) const = 0;
 
  protected:
   ~DriveGuard() = default;
@@ -86,6 +89,8 @@ class TableTransfer final : public DomainHandler {
   // Enables (only while quiet: the table is checked again) or disables (at any time) the
   // correction, 0x2000 sub 2. Blended by the compensator.
   void set_enabled(bool enabled);
+  // Whether set_enabled(true) may be called.
+  Abort check_enable();
 
   // Brings 0x2013 up to date. Cheap: it is read while joints move.
   void refresh_status();
@@ -114,6 +119,8 @@ class TableTransfer final : public DomainHandler {
   Abort result(storage::StoreResult result);
   Abort refuse(std::uint16_t reason, std::uint32_t field);
   Abort refuse_now();
+  Abort check_axes(std::uint8_t passive);
+  void forget_other_axes();
   void use(std::span<const std::uint8_t> image);
   Validation check_resolution(std::span<const std::uint8_t> image) const;
   Validation check(std::span<const std::uint8_t> image) const;
@@ -138,6 +145,7 @@ class TableTransfer final : public DomainHandler {
   // 0x2013 sub 4 (sub 13: active_checksum_), updated as the bytes arrive. It covers all but the
   // last four bytes, the image's own CRC: over data and its CRC, a CRC is the same for every image.
   std::uint32_t staged_checksum_ = 0;
+  std::uint8_t passive_before_trial_ = 0;  // passive joints of the table that revert() returns to
   std::uint32_t active_checksum_ = 0;
   std::uint16_t refusal_reason_ = 0;  // 0x2013 sub 2
   std::uint32_t refusal_field_ = 0;   // 0x2013 sub 15
