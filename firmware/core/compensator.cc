@@ -158,8 +158,10 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
     const bool counted_down = scale_[k].counts_down();
     scale_[k] = JointScale(table, k, config_.cycle_us);
     if (scale_[k].counts_down() != counted_down) {
+      // The drive holds increments: these stay, and the joint's own values change their sign.
       change([k](Motion& motion) {
         motion.direction[k] = static_cast<std::int8_t>(-motion.direction[k]);
+        motion.delta[k] = -motion.delta[k];
       });
     }
     magnitude_[k] = largest_correction(table, k);
