@@ -68,7 +68,8 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
     // This node consumes SYNC; it does not produce it.
     const bool possible = (wanted & (kSyncProducer | kExtended | kReservedIdBits)) == 0 &&
                           !is_restricted_id(wanted & kIdMask);
-    return possible ? Abort::kNone : Abort::kValueRange;
+    if (!possible) return Abort::kValueRange;
+    return pdos_.has_id(wanted & kIdMask) ? Abort::kIncompatibleParameter : Abort::kNone;
   }
   if (is(entry, od::kSynchronousCounterOverflowValue)) {
     return wanted == 1 ? Abort::kValueRange : Abort::kNone;  // reserved (CiA 301, 7.5.2.22)
@@ -104,10 +105,11 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
     return parts_.parameters.erase() ? Abort::kNone : Abort::kHardware;
   }
   const Abort abort = check_pdo_write(dictionary_, entry, value, pdos_.payload_max());
-  const bool switches_on =
-      entry.index >= 0x1400 && entry.index < 0x1600 && entry.sub == 1 && (wanted & kInvalid) == 0;
-  const bool is_twice = switches_on && pdos_.repeats_target(entry.index - 0x1400U);
-  return abort == Abort::kNone && is_twice ? Abort::kIncompatibleParameter : abort;
+  const bool switches_on = is_pdo_parameter && (entry.index & 0x0200U) == 0 && entry.sub == 1 &&
+                           (wanted & kInvalid) == 0;
+  if (abort != Abort::kNone || !switches_on) return abort;
+  return pdos_.may_switch_on(entry.index, wanted & kIdMask) ? Abort::kNone
+                                                            : Abort::kIncompatibleParameter;
 }
 
 // Whether every drive has none of this node's corrections: then an uncorrected target is no step,
