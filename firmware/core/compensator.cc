@@ -96,8 +96,8 @@ std::int32_t increments_by_increment(std::int32_t units, std::int32_t mantissa, 
   rate_increments = saturate(std::int64_t{in_increments(std::max(rate, fade))} + 2);
 }
 
-std::int64_t JointScale::units_of(std::int32_t increments) const {
-  return round_shift(product(increments, unit_per_increment), unit_shift);
+std::int64_t JointScale::units_of(std::int64_t increments) const {
+  return round_shift(increments * unit_per_increment, unit_shift);
 }
 
 std::int32_t PositionBounds::wrapped(std::int64_t position) const {
@@ -271,7 +271,7 @@ Correction Compensator::evaluate(const CycleInput& input, std::uint16_t& flags) 
     // A joint without a drive counts as at zero, whatever target its axis receives.
     target[k] = {};
     if (table.is_passive(k)) continue;
-    target[k] = {scale.units_of(saturate(difference(input.target[k], scale.zero)))};
+    target[k] = {scale.units_of(difference(input.target[k], scale.zero))};
   }
   const Correction wanted =
       solve(table, target, surroundings_of(table, input, motion_.direction), workspace_);

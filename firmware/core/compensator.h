@@ -135,8 +135,9 @@ struct JointScale {
   // Increments per turn or metre; at most INT32_MAX.
   std::int32_t per_turn = 0;
 
-  // 2^-32 turn or metre.
-  std::int64_t units_of(std::int32_t increments) const;
+  // 2^-32 turn or metre. |increments| < 2^32, the difference of two positions; an increment has at
+  // least two units, which leaves room for the rounding.
+  std::int64_t units_of(std::int64_t increments) const;
   // Whether increments fall as the joint's position grows.
   bool counts_down() const { return unit_per_increment < 0; }
 };

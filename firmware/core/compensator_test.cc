@@ -776,6 +776,28 @@ TEST_F(CompensatorTest, TableThatCountsDown_KeepsTheCorrectionInIncrements) {
   }
 }
 
+// The position of a joint is target less zero, which needs 33 bits.
+TEST_F(CompensatorTest, Zero_FarFromTheTarget_GivesTheSameAngle) {
+  constexpr std::int32_t kTurn = 1 << 24;
+  const auto correction = [](std::int32_t zero, std::int32_t target) {
+    TestImage made(kJoints);
+    made.add_harmonic(0, 0, 1.0, 0.1, 2e-3);
+    tests::put(made.section(format::Section::kJoints), format::joint::kZeroAt, zero);
+    const Bytes image = made.image();
+    Compensator own(config());
+    put_in_force(own, image);
+    CycleInput input;
+    input.target[0] = target;
+    return settle(own, input).delta[0];
+  };
+  const std::int32_t expected = correction(0, 123'456);
+  ASSERT_NE(expected, 0);
+  for (const std::int32_t turns : {1, 100, 127}) {
+    EXPECT_EQ(correction(-turns * kTurn, turns * kTurn + 123'456), expected) << turns;
+    EXPECT_EQ(correction(turns * kTurn, -turns * kTurn + 123'456), expected) << turns;
+  }
+}
+
 TEST(PositionBoundsTest, WayOverManyTurns_IsTheShortest) {
   const PositionBounds turn{.range_low = 0, .range_high = 999};
   for (const std::int64_t turns : {-2'000'000, -3, -2, -1, 0, 1, 2, 3, 2'000'000}) {
