@@ -243,6 +243,55 @@ TEST_F(PassiveAxisTest, StagedTable_DoesNotLiftGuards) {
   EXPECT_EQ(bench.write(0x2000, 1, 0, 1), kDeviceState);
 }
 
+TEST_F(PassiveAxisTest, Start_DoesNotCorrectAMappedPassiveAxis) {
+  bench.install(without_the_last.image());
+  bench.configure(Mode::kInline);
+  bench.nmt(128);
+  map_alone(0x140A, 0x160A, 0x1C2, 0x80640020);
+  bench.start_nodes();
+  report_positions();
+  CanFrame fifth = NodeBench::pair_frame(0x1C2, 100'000, 0);
+  fifth.len = 4;
+  bench.from_drives(fifth);
+  for (int k = 0; k < 5; ++k) {
+    bench.next_sync();
+    bench.command_joints({100'000, 100'000, 100'000, 100'000, 100'000, 77'777});
+    for (const CanFrame& frame : bench.downstream.take_sent()) {
+      if (frame.id != 0x420) continue;
+      EXPECT_EQ(load_le<std::int32_t>(&frame.data[4]), 77'777) << k;
+    }
+  }
+}
+
+// Neither what a passive axis is sent nor what it reports tells anything about a drive.
+TEST_F(PassiveAxisTest, MappedPassiveAxis_DoesNotKeepOffsetsFromBeginning) {
+  bench.install(without_the_last.image());
+  bench.configure(Mode::kOffset);
+  for (int k = 0; k < 300; ++k) {
+    for (std::uint32_t pair = 0; pair < 2; ++pair)
+      bench.from_controller(NodeBench::pair_frame(0x1C0 + pair, 100'000, 100'000));
+    bench.from_controller(NodeBench::pair_frame(0x1C2, 100'000, 500'000 * (k % 2)));
+    bench.next_sync();
+    bench.command_joints({100'000, 100'000, 100'000, 100'000, 100'000, 77'777 + k});
+  }
+  EXPECT_EQ(bench.read(0x2001, 2) & 0x10U, 0U) << "what the drives hold is known";
+  EXPECT_NE(static_cast<std::int32_t>(bench.read(0x60B0, 0)), 0);
+  EXPECT_EQ(static_cast<std::int32_t>(bench.read(0x88B0, 0)), 0);
+  EXPECT_EQ(bench.read(0x2005, 4), 0U) << "no jump of a position was seen";
+}
+
+TEST_F(PassiveAxisTest, StateOfAPassiveAxis_SuspendsNothing) {
+  bench.install(without_the_last.image());
+  configure(Mode::kInline);
+  bench.nmt(128);
+  map_alone(0x140B, 0x160B, 0x1D5, 0x88410010);
+  bench.start_nodes();
+  bench.from_drives(make_frame(0x1D5, {kSwitchOnDisabled & 0xFF, kSwitchOnDisabled >> 8}));
+  EXPECT_NE(run(100), 100'000);
+  EXPECT_EQ(bench.read(0x2005, 4), 0U);
+  EXPECT_EQ(bench.read(0x2005, 2), 0U);
+}
+
 // First table: until it is verified, the node does not know that axis 6 has no drive to disable.
 TEST_F(PassiveAxisTest, Commit_RequiresOnlyExistingDrivesDisabled) {
   for (std::uint16_t k = 0; k < 5; ++k) {
