@@ -159,21 +159,20 @@ void TableTransfer::put_in_force() {
   if (validation.accepted()) validation = check_resolution(image);
   if (validation.accepted()) {
     compensator_.activate();
-    return agree_on_resolution();
+    if (!trial_) agree_on_resolution();
+    return;
   }
   compensator_.disable();
   refuse(static_cast<std::uint16_t>(validation.refusal), validation.field);
 }
 
 void TableTransfer::agree_on_resolution() {
-  if (buffers_.active().empty()) return;
   const TableView table(buffers_.active());
   for (std::size_t k = 0; k < table.joint_count(); ++k) {
     if (dictionary_.get(od::axis::kEncoderIncrements[k]) != 0) continue;
     const Resolution own = resolution_of(table, k);
     dictionary_.set(od::axis::kEncoderIncrements[k], own.increments);
     dictionary_.set(od::axis::kMotorRevolutions[k], own.units);
-    if (trial_) agreed_in_trial_ |= 1U << k;
   }
 }
 
@@ -334,7 +333,7 @@ Abort TableTransfer::confirm() {
   const Abort abort = result(store_.confirm());
   if (abort == Abort::kNone) {
     trial_ = false;
-    agreed_in_trial_ = 0;
+    if (compensator_.is_in_use(buffers_.active())) agree_on_resolution();
   }
   return abort;
 }
@@ -350,13 +349,6 @@ Abort TableTransfer::revert() {
   if (abort != Abort::kNone && abort != Abort::kHardware) return abort;
   if (was_trial) {
     trial_ = false;
-    for (std::size_t k = 0; k < kMaxJoints; ++k) {
-      if ((agreed_in_trial_ >> k & 1U) != 0) {
-        dictionary_.set(od::axis::kEncoderIncrements[k], std::uint32_t{0});
-        dictionary_.set(od::axis::kMotorRevolutions[k], std::uint32_t{1});
-      }
-    }
-    agreed_in_trial_ = 0;
     use(store_.load_active(buffers_.writable()));
   } else if (state_ == StagingState::kCommitted) {
     state_ = StagingState::kVerified;  // the image is still staged, but in no slot any more

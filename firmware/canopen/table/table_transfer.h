@@ -126,6 +126,7 @@ class TableTransfer final : public DomainHandler {
   Validation check(std::span<const std::uint8_t> image) const;
   void put_in_force();
   // Where 0x608F is 0, sets it to the scale of the table in force, which later tables must have.
+  // Not for a table on trial: a restart ends the trial, and saved parameters would keep the scale.
   void agree_on_resolution();
   std::size_t capacity() const;
 
@@ -139,7 +140,6 @@ class TableTransfer final : public DomainHandler {
   bool quiet_ = true;
   bool enabled_ = true;
   bool trial_ = false;
-  std::uint32_t agreed_in_trial_ = 0;  // bit k: 0x608F of axis k comes from the table on trial
   StagingState state_ = StagingState::kEmpty;
   std::uint32_t staged_ = 0;  // bytes
   // 0x2013 sub 4 (sub 13: active_checksum_), updated as the bytes arrive. It covers all but the
