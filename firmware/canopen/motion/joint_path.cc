@@ -448,7 +448,8 @@ bool JointPath::leave(std::uint64_t now_us) {
     phase_ = Phase::kLeaving;
     leaving_since_us_ = now_us;
   }
-  if (compensator_.is_fading() && now_us - leaving_since_us_ < kLeaveUs) return true;
+  const std::uint64_t limit_us = std::max(kLeaveUs, kLeaveCycles * compensator_.cycle_us());
+  if (compensator_.is_fading() && now_us - leaving_since_us_ < limit_us) return true;
   forget();
   return false;
 }

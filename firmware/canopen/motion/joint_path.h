@@ -149,10 +149,14 @@ class JointPath {
   void stop();
 
   // Fades the drives' offsets to zero because the output ends. Returns true while they fade, for
-  // kLeaveUs at most; then the phase becomes kUnknown. Call until it returns false.
+  // kLeaveUs or kLeaveCycles at most; then the phase becomes kUnknown. Call until it returns false.
   bool leave(std::uint64_t now_us);
   bool is_leaving() const { return phase_ == Phase::kLeaving; }
   static constexpr std::uint64_t kLeaveUs = 5'000'000;
+  // The same in control periods, for long ones: a fade takes up to kFadeCycles of them, and more
+  // if the bus refuses some.
+  static constexpr std::uint64_t kLeaveCycles = 5'000;
+  static_assert(kLeaveCycles > 2 * Compensator::kFadeCycles);
 
   // Computes the next step towards zero when no stream of targets does. Returns true if it did.
   bool fade(std::uint64_t now_us);
