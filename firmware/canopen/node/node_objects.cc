@@ -57,8 +57,9 @@ bool dictionary_is_ordered() {
 Abort Node::check_communication_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
   const std::uint32_t wanted = load_le(value);
   const bool is_sync = is(entry, od::kCOBIDSYNCMessage);
+  const bool is_sync_counter = is(entry, od::kSynchronousCounterOverflowValue);
   const bool is_pdo_parameter = entry.index >= 0x1400;
-  if ((is_sync || is_pdo_parameter) && mode() != Mode::kForward) {
+  if ((is_sync || is_sync_counter || is_pdo_parameter) && mode() != Mode::kForward) {
     // A starting controller may reconfigure in pre-operational, where no set goes out.
     const bool is_held =
         moves_frames(entry) && nmt_.state() == NmtState::kOperational && holds_correction();
@@ -71,7 +72,7 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
     if (!possible) return Abort::kValueRange;
     return pdos_.has_id(wanted & kIdMask) ? Abort::kIncompatibleParameter : Abort::kNone;
   }
-  if (is(entry, od::kSynchronousCounterOverflowValue)) {
+  if (is_sync_counter) {
     return wanted == 1 ? Abort::kValueRange : Abort::kNone;  // reserved (CiA 301, 7.5.2.22)
   }
   if (is(entry, od::kCOBIDEMCY)) {
