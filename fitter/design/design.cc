@@ -255,7 +255,7 @@ Eigen::Matrix<double, 6, 1> Design::whiten(std::size_t i,
   Eigen::Matrix<double, 6, 1> result = Eigen::Matrix<double, 6, 1>::Zero();
   result.head<3>() = root * (measurements_->whiten_position[i] * change.head<3>());
   if (residuals_per_row_ == 6)
-    result.tail<3>() = root / measurements_->sigma_rotation * change.tail<3>();
+    result.tail<3>() = root * measurements_->per_rotation(i) * change.tail<3>();
   return result;
 }
 
@@ -347,7 +347,7 @@ void Design::evaluate(std::size_t i, bool with_jacobian, Row& row, Workspace& w)
   const double root = std::sqrt(weights_[i]);
   const Eigen::Matrix3d whiten_position = root * measurements_->whiten_position[i];
   const Eigen::Matrix3d whiten_rotation =
-      residuals_per_row_ == 6 ? Eigen::Matrix3d(root / measurements_->sigma_rotation * turn)
+      residuals_per_row_ == 6 ? Eigen::Matrix3d(root * measurements_->per_rotation(i) * turn)
                               : Eigen::Matrix3d::Zero();
   const auto touched = static_cast<Eigen::Index>(row.unknowns.size());
   row.jacobian.resize(6, touched);

@@ -337,9 +337,10 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
     if (d.neighbour_ratio < kNeighboursAlike) {
       advice.push_back("neighbouring poses err alike: it repeats and can be compensated");
     } else if (d.lack_of_fit.testable && d.lack_of_fit.against == "repeats") {
-      advice.push_back(d.lack_of_fit.log10_p < -5.0
-                           ? "repeats of one pose agree: it repeats and can be compensated"
-                           : "repeats of one pose differ as much: it does not repeat");
+      advice.push_back(
+          d.lack_of_fit.log10_p < -5.0
+              ? "repeats of one pose agree: it repeats and can be compensated"
+              : "the repeats do not tell whether it repeats: measure more poses again");
     } else {
       advice.push_back("whether it repeats is not known: no pose was measured again");
     }

@@ -330,6 +330,14 @@ double log10_p_among(const BlockScore& score, std::size_t tried) {
   return std::min(0.0, score.log10_p + std::log10(static_cast<double>(tried)));
 }
 
+// Whether a coordinate is an angle, not a length.
+bool turns(const std::string& coordinate, const Robot& robot) {
+  constexpr std::string_view kMotor = "motor";
+  if (!coordinate.starts_with(kMotor)) return coordinate.find(".r") != std::string::npos;
+  const int joint = std::stoi(coordinate.substr(kMotor.size()));
+  return !robot.joints[static_cast<std::size_t>(joint - 1)].prismatic;
+}
+
 }  // namespace
 
 Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold) {
@@ -416,9 +424,7 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
     finding.log10_p = log10_p_among(finding.score, structure.tried);
     if (finding.log10_p > threshold) continue;
     finding.cost = cost(i);
-    describe_shape(scorer, finding, used[i], alone,
-                   finding.coordinate.starts_with("motor") ||
-                       finding.coordinate.find(".r") != std::string::npos);
+    describe_shape(scorer, finding, used[i], alone, turns(finding.coordinate, fit.robot()));
     structure.findings.push_back(std::move(finding));
     if (structure.findings.size() == kDescribed) break;
   }

@@ -16,7 +16,7 @@ std::vector<int> reflectors_moved_by(const std::string& coordinate) {
   Random random(5);
   const Problem p(testing::industrial_arm(), testing::geometry_model(), {40}, random,
                   [](const Parameter&) { return 0.0; });
-  const EffectContext context{*p.state, 2, false};
+  const EffectContext context{*p.state, 2};
   EffectRequest request;
   request.effect = "custom";
   request.options = {{"name", "sag"}, {"coordinate", coordinate}, {"expression", "q1"}};

@@ -43,7 +43,7 @@ struct Spring {
 struct EffectContext {
   const State& state;
   int targets = 1;
-  bool has_rotation = false;
+  std::vector<bool> turned_targets{};  ///< by target: its orientation was measured
   GeometryPriors priors{};
   /// Of the fit that this context belongs to, or of the previous one.
   std::vector<Spring> springs{};
@@ -56,6 +56,10 @@ struct EffectContext {
 
   const Robot& robot() const { return state.robot(); }
   int joint_count() const { return robot().joint_count(); }
+  bool has_rotation(int target) const {
+    const auto t = static_cast<std::size_t>(target);
+    return t < turned_targets.size() && turned_targets[t];
+  }
   bool prismatic(int joint) const {
     return robot().joints[static_cast<std::size_t>(joint - 1)].prismatic;
   }

@@ -26,19 +26,21 @@ std::vector<Shared> repeated_poses(const Linearization& l, const std::vector<int
                                    const PoseWhitening& whitening) {
   std::vector<Shared> result;
   for (const PoseWhitening::Block& block : whitening.blocks()) {
-    std::map<int, Eigen::Index> place;
+    // By reflector and axis: the column of their common change.
+    std::map<std::pair<int, Eigen::Index>, Eigen::Index> place;
+    const auto key = [&](Eigen::Index e) {
+      return std::pair{target[static_cast<std::size_t>(e / l.height)], e % l.height};
+    };
     for (const Eigen::Index e : block.equations)
-      place.try_emplace(target[static_cast<std::size_t>(e / l.height)],
-                        static_cast<Eigen::Index>(place.size()));
+      place.try_emplace(key(e), static_cast<Eigen::Index>(place.size()));
     const auto size = static_cast<Eigen::Index>(block.equations.size());
-    const Eigen::Index common = static_cast<Eigen::Index>(place.size()) * l.height;
+    const auto common = static_cast<Eigen::Index>(place.size());
     if (common == size) continue;
     Eigen::MatrixXd shared = Eigen::MatrixXd::Zero(size, common);
     for (Eigen::Index i = 0; i < size; ++i) {
       const Eigen::Index e = block.equations[static_cast<std::size_t>(i)];
       const Eigen::Index row = e / l.height;
-      const double weight = l.translation.middleRows(row * l.height, 3).norm();
-      shared(i, place.at(target[static_cast<std::size_t>(row)]) * l.height + e % l.height) = weight;
+      shared(i, place.at(key(e))) = l.translation.middleRows(row * l.height, 3).norm();
     }
     shared = block.inverse_root.triangularView<Eigen::Lower>() * shared;
     const Cholesky root(square(shared));

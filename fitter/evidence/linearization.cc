@@ -66,6 +66,7 @@ Linearization linearize(Fit& fit) {
   l.typical_sigma = fit.measurements().typical_sigma;
   for (const Joint& joint : fit.robot().joints) l.prismatic.push_back(joint.prismatic);
   if (fit.measurements().has_rotation()) l.sigma_rotation = fit.measurements().sigma_rotation;
+  l.rotation_is_copied = fit.measurements().rotation_is_copied;
   const std::vector<double> weights = design.weights();
   bound_rejected_rows(design);
   const auto equations = static_cast<Eigen::Index>(design.rows()) * l.height;

@@ -32,8 +32,9 @@ struct Linearization {
   std::vector<bool> prismatic;               ///< by joint
   double typical_sigma = 1.0;                ///< [m] of one whitened unit of position
   double sigma_rotation = 0.0;  ///< [rad] of one whitened unit of orientation; 0: none measured
-  double counted = 1.0;         ///< equations, as equations_that_count counts them
-  double freedom = 1.0;         ///< `counted` less the fit's effective unknowns
+  std::vector<bool> rotation_is_copied;  ///< by row, as in Measurements
+  double counted = 1.0;                  ///< equations, as equations_that_count counts them
+  double freedom = 1.0;                  ///< `counted` less the fit's effective unknowns
 
   Eigen::Index equations() const { return residual.size(); }
   std::size_t rows() const { return poses.pose_of_row.size(); }

@@ -78,6 +78,7 @@ std::vector<PoseParts> parts_of_poses(const Linearization& l, std::size_t stride
     for (const std::size_t row : rows) {
       visits.try_emplace(l.poses.visit_of_row[row], static_cast<Eigen::Index>(visits.size()));
       for (int h = 0; h < l.height; ++h) {
+        if (h >= kPositionEquations && l.rotation_is_copied[row]) break;
         pose.equations.push_back(static_cast<Eigen::Index>(row) * l.height + h);
         pose.turns.push_back(h >= kPositionEquations);
       }

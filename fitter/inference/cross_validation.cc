@@ -59,7 +59,7 @@ std::vector<int> cluster(const Eigen::Matrix3Xd& points, int count) {
 
 std::vector<int> make_folds(const Design& design, Folding folding, int folds, std::uint64_t seed) {
   const Measurements& m = design.measurements();
-  const std::vector<std::vector<std::size_t>> groups = m.poses.rows_by_pose();
+  const std::vector<std::vector<std::size_t>> groups = m.poses.rows_by_posture();
   std::vector<int> fold_of_group(groups.size());
   if (folding == Folding::kRegion) {
     Eigen::Matrix3Xd points(3, static_cast<Eigen::Index>(groups.size()));

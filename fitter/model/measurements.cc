@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 
 namespace armtrue {
@@ -26,6 +27,19 @@ Eigen::Matrix3d whiten_instrument(const Instrument& instrument, const Eigen::Vec
   const Eigen::Vector3d u =
       distance > 0.0 ? Eigen::Vector3d(sight / distance) : Eigen::Vector3d::UnitX();
   return Eigen::Matrix3d::Identity() / angular + (1.0 / radial - 1.0 / angular) * u * u.transpose();
+}
+
+std::vector<bool> copied_rotations(const std::vector<Eigen::Matrix3d>& rotation,
+                                   const std::vector<int>& visit_of_row) {
+  std::map<int, std::vector<std::size_t>> read;  // by visit: rows with an orientation of their own
+  std::vector<bool> copied(rotation.size());
+  for (std::size_t i = 0; i < rotation.size(); ++i) {
+    std::vector<std::size_t>& earlier = read[visit_of_row[i]];
+    copied[i] =
+        std::ranges::any_of(earlier, [&](std::size_t e) { return rotation[e] == rotation[i]; });
+    if (!copied[i]) earlier.push_back(i);
+  }
+  return copied;
 }
 
 }  // namespace
@@ -79,6 +93,7 @@ Measurements Measurements::from_state(const State& state,
   }
   if (state.recorded("repeat")) m.repeat = integers(state.column("repeat"));
   m.poses = find_poses(state, m.target, m.repeat);
+  m.rotation_is_copied = copied_rotations(m.rotation, m.poses.visit_of_row);
   m.whiten_position.reserve(m.rows);
   double sum = 0.0;
   const std::vector<double>* sigma = state.recorded("sigma") ? &state.column("sigma") : nullptr;
@@ -97,6 +112,14 @@ Measurements Measurements::from_state(const State& state,
   }
   m.typical_sigma = std::sqrt(sum / static_cast<double>(std::max<std::size_t>(m.rows, 1)));
   return m;
+}
+
+std::vector<bool> Measurements::turns_of_targets() const {
+  std::vector<bool> turns(static_cast<std::size_t>(targets));
+  for (std::size_t i = 0; i < rotation.size(); ++i) {
+    if (!rotation_is_copied[i]) turns[static_cast<std::size_t>(target[i])] = true;
+  }
+  return turns;
 }
 
 }  // namespace armtrue

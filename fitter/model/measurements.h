@@ -31,7 +31,10 @@ struct Measurements {
   std::size_t rows = 0;
   Eigen::Matrix3Xd position;              ///< 3 × rows [m], measuring frame
   std::vector<Eigen::Matrix3d> rotation;  ///< rows, or empty where only positions were measured
-  std::vector<int> target;                ///< 0-based reflector of each row
+  /// By row: the orientation is that of an earlier row of the same visit. Where several reflectors
+  /// of a pose share one orientation, it was read once.
+  std::vector<bool> rotation_is_copied;
+  std::vector<int> target;  ///< 0-based reflector of each row
   int targets = 1;
   Poses poses;              ///< groups of rows of one pose, declared or not
   std::vector<int> repeat;  ///< same number = same pose measured again; empty where not recorded
@@ -42,6 +45,12 @@ struct Measurements {
   DecimalStep rounding;        ///< of all positions
 
   bool has_rotation() const { return !rotation.empty(); }
+  /// Whitened units of a row's orientation per radian; 0 if the row has no orientation of its own.
+  double per_rotation(std::size_t row) const {
+    return rotation_is_copied[row] ? 0.0 : 1.0 / sigma_rotation;
+  }
+  /// By reflector: whether a row has its orientation.
+  std::vector<bool> turns_of_targets() const;
   /// Rows of residual per measurement: 3 or 6.
   int residuals_per_row() const { return has_rotation() ? 6 : 3; }
 

@@ -9,6 +9,7 @@ namespace armtrue {
 namespace {
 
 constexpr double kSameAngle = 1e-5, kSameSlide = 1e-6;  // [rad], [m]
+constexpr double kSamePayload = 0.02;                   // share of the largest payload
 
 class DisjointSets {
  public:
@@ -91,14 +92,40 @@ void number_visits(const State& state, const std::vector<int>& target, bool decl
   }
 }
 
-}  // namespace
+// Numbers each posture's rows by their payload.
+void number_poses(const State& state, Poses& poses) {
+  std::vector<double> payload(state.rows(), 0.0);
+  if (state.recorded("payload")) payload = state.column("payload");
+  double largest = 0.0;
+  for (const double mass : payload) largest = std::max(largest, std::abs(mass));
+  std::map<int, std::vector<std::pair<double, int>>> of_posture;  // payload and number of a pose
+  for (std::size_t i = 0; i < state.rows(); ++i) {
+    auto& known = of_posture[poses.posture_of_row[i]];
+    auto same = std::ranges::find_if(known, [&](const auto& pose) {
+      return std::abs(pose.first - payload[i]) <= kSamePayload * largest;
+    });
+    if (same == known.end()) same = known.insert(known.end(), {payload[i], poses.poses++});
+    poses.pose_of_row.push_back(same->second);
+  }
+}
 
-std::vector<std::vector<std::size_t>> Poses::rows_by_pose() const {
-  std::vector<std::vector<std::size_t>> rows(static_cast<std::size_t>(poses));
-  for (std::size_t i = 0; i < pose_of_row.size(); ++i)
-    rows[static_cast<std::size_t>(pose_of_row[i])].push_back(i);
+std::vector<std::vector<std::size_t>> rows_by(const std::vector<int>& group_of_row) {
+  std::vector<std::vector<std::size_t>> rows;
+  for (std::size_t i = 0; i < group_of_row.size(); ++i) {
+    const auto group = static_cast<std::size_t>(group_of_row[i]);
+    if (group >= rows.size()) rows.resize(group + 1);
+    rows[group].push_back(i);
+  }
   return rows;
 }
+
+}  // namespace
+
+std::vector<std::vector<std::size_t>> Poses::rows_by_posture() const {
+  return rows_by(posture_of_row);
+}
+
+std::vector<std::vector<std::size_t>> Poses::rows_by_pose() const { return rows_by(pose_of_row); }
 
 Poses find_poses(const State& state, const std::vector<int>& target,
                  const std::vector<int>& repeat) {
@@ -112,10 +139,10 @@ Poses find_poses(const State& state, const std::vector<int>& target,
   Poses poses;
   std::map<std::size_t, int> number;
   for (std::size_t i = 0; i < state.rows(); ++i) {
-    const auto [at, fresh] = number.try_emplace(sets.find(i), poses.poses);
-    if (fresh) ++poses.poses;
-    poses.pose_of_row.push_back(at->second);
+    const auto next = static_cast<int>(number.size());
+    poses.posture_of_row.push_back(number.try_emplace(sets.find(i), next).first->second);
   }
+  number_poses(state, poses);
   number_visits(state, target, !repeat.empty(), poses);
   return poses;
 }

@@ -225,7 +225,7 @@ CampaignPlan plan_campaign(const Robot& given, const ModelSpecification& specifi
   const State state(robot, std::move(columns), point);
   const Measurements measurements = Measurements::from_state(
       state, options.instrument, options.assumed_sigma, options.sigma_rotation);
-  const EffectContext context{state, 1, options.orientation, specification.priors};
+  const EffectContext context{state, 1, {options.orientation}, specification.priors};
   const Model model = build_model(specification, context);
   Design design(state, measurements, model, kinematics);
   const Identifiability identifiable = identify(design);

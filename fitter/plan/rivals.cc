@@ -37,6 +37,7 @@ Measurements expected_measurements(const Fit& fit, const std::vector<Pose>& pose
     m.position.col(static_cast<Eigen::Index>(i)) = poses[i].translation();
     if (taken.has_rotation()) m.rotation.push_back(poses[i].linear());
   }
+  m.rotation_is_copied.assign(m.rotation.size(), false);
   m.target.assign(m.rows, 0);
   m.whiten_position.assign(m.rows, Eigen::Matrix3d::Identity() / taken.typical_sigma);
   m.sigma_rotation = taken.sigma_rotation;

@@ -129,7 +129,7 @@ void Fit::begin() {
   const Alignment& alignment = prepared_->alignment;
   kinematics_ = std::make_unique<Kinematics>(robot(), measurements_.targets);
   context_ = std::make_unique<EffectContext>(EffectContext{
-      state(), measurements_.targets, measurements_.has_rotation(), specification_.priors,
+      state(), measurements_.targets, measurements_.turns_of_targets(), specification_.priors,
       options_.start ? options_.start->springs : std::vector<Spring>{},
       options_.start ? options_.start->carried : std::map<std::string, Expression>{},
       options_.instrument ? options_.instrument->position : Eigen::Vector3d::Zero(),
@@ -221,7 +221,7 @@ void Fit::rescale_noise() {
   if (!measurements_.has_rotation()) return;
   std::vector<double> turn;
   for (std::size_t i = 0; i < design_->rows(); ++i) {
-    if (design_->weights()[i] == 0.0) continue;
+    if (design_->weights()[i] == 0.0 || measurements_.rotation_is_copied[i]) continue;
     design_->evaluate(i, false, row);
     turn.push_back(row.residual.tail<3>().norm());
   }

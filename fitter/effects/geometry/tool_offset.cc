@@ -16,7 +16,7 @@ class ToolOffset final : public Effect {
   EffectTerms build(const EffectContext& context, const EffectRequest&) const override {
     EffectTerms terms;
     for (int t = 0; t < context.targets; ++t) {
-      for (int c = 0; c < (context.has_rotation ? 6 : 3); ++c) {
+      for (int c = 0; c < (context.has_rotation(t) ? 6 : 3); ++c) {
         const std::string suffix =
             (context.targets > 1 ? "target" + std::to_string(t) + "_" : "") + kComponentNames[c];
         Parameter p = single_term(id(), {}, suffix, c < 3 ? "m" : "rad", 0.0,

@@ -17,7 +17,7 @@ std::size_t candidates_where_alpha_is(double alpha) {
   robot["kinematics"]["joints"][1]["alpha"] = alpha;
   const Problem p(robot, testing::geometry_model(), {40}, random,
                   [](const Parameter&) { return 0.0; });
-  const EffectContext context{*p.state, 1, false};
+  const EffectContext context{*p.state, 1};
   return find_effect("gravity_balancer").tried(context).size();
 }
 

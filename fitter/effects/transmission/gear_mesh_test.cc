@@ -60,7 +60,7 @@ TEST(GearMesh, NegativeGearRatio_HasTheSameOrders) {
     json robot = testing::industrial_arm();
     robot["kinematics"]["joints"][0]["gear_ratio"] = ratio;
     const Problem p(robot, testing::geometry_model(), {40}, random, testing::nothing);
-    const EffectContext context{*p.state, 1, false};
+    const EffectContext context{*p.state, 1};
     std::vector<std::string> terms;
     for (const EffectRequest& request : find_effect("gear_mesh").tried(context)) {
       if (request.joints != std::vector{1}) continue;

@@ -75,7 +75,10 @@ def export(
     ] = None,
     payload_max: Annotated[
         float | None,
-        typer.Option("--payload-max", help="Largest payload [kg]; default: half the arm's mass, or 50."),
+        typer.Option(
+            "--payload-max",
+            help="Largest payload [kg]; default: half the arm's mass, or 50, or the largest that was measured.",
+        ),
     ] = None,
     sign: Annotated[
         Path | None, typer.Option("--sign", metavar="KEY", help="Sign with this key of 'armtrue keygen'.")

@@ -250,10 +250,10 @@ def variables_of(robot: Robot, columns: Collection[str]) -> list[str]:
 
 
 def _is_repeat(effect: dict[str, Any], other: dict[str, Any]) -> bool:
-    """True if the two entries are equal and share joints; the fitter itself checks other overlaps."""
+    """True if the two entries are equal and share joints, or the pair; the fitter itself checks other overlaps."""
     if {**effect, "joints": []} != {**other, "joints": []}:
         return False
-    if "joints" not in effect or "joints" not in other:
+    if catalogue()[effect["effect"]].joints == "pair" or "joints" not in effect or "joints" not in other:
         return effect.get("joints") == other.get("joints")
     return bool(set(effect["joints"]) & set(other["joints"]))
 

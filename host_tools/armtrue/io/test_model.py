@@ -76,6 +76,14 @@ def test_effect_may_repeat_with_other_joints_or_options(tmp_path, two_joints):
     assert len(load(tmp_path, two_joints, text).effects) == 4
 
 
+def test_pairs_may_share_a_joint_but_not_both(tmp_path, two_joints):
+    pair = "{effect: joint_coupling, joints: [%s]}"
+    text = f"effects: [{pair % '1, 2'}, {pair % '2, 1'}]"
+    assert [entry["joints"] for entry in load(tmp_path, two_joints, text).effects] == [[1, 2], [2, 1]]
+    with pytest.raises(InputError, match="found joint_coupling a second time"):
+        load(tmp_path, two_joints, f"effects: [{pair % '1, 2'}, {pair % '1, 2'}]")
+
+
 @pytest.mark.parametrize(
     ("text", "names"),
     [

@@ -55,7 +55,7 @@ class ExportOptions:
     max_correction: float | None = None  # rad or m; twice what 99.9 % of sampled poses need, rounded up
     max_rate: float = 0.1  # rad/s or m/s
     dead_band: float = 2e-5  # rad or m
-    payload_max_kg: float | None = None  # half the arm's mass, or 50
+    payload_max_kg: float | None = None  # half the arm's mass, or 50; the largest that was measured
     secret_seed: bytes | None = None  # Ed25519; None leaves the image unsigned
 
 
@@ -153,7 +153,8 @@ class _Exporter:
     def _payload_max(self) -> float:
         if self.options.payload_max_kg is not None:
             return self.options.payload_max_kg
-        return 50.0 if self.chain.masses is None else max(5.0, 0.5 * float(self.chain.masses.sum()))
+        usual = 50.0 if self.chain.masses is None else max(5.0, 0.5 * float(self.chain.masses.sum()))
+        return max(usual, self.arm.payload_kg)
 
     def _check_arm(self) -> None:
         n = self.chain.joint_count

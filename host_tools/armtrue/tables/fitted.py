@@ -81,6 +81,7 @@ class FittedArm:
     measuring_from_base: Array
     flange_from_tool: dict[str, Array]
     payload_point: Array  # in the flange, m
+    payload_kg: float = 0.0  # the largest that was measured
     # Loads are those of the nominal arm at the commanded joints, not where the arm stands (fit.json `statics`).
     loads_act_at_command: bool = False
     terms: dict[str, dict[str, float]] = field(default_factory=dict)
@@ -145,6 +146,7 @@ def _head(document: dict[str, Any]) -> FittedArm:
         measuring_from_base=pose(document["measuring_from_base"]),
         flange_from_tool=tools,
         payload_point=nominal_tool[:3, 3] if point is None else np.array(point, dtype=np.float64),
+        payload_kg=float(document.get("data", {}).get("ranges", {}).get("payload", [0.0])[-1]),
         loads_act_at_command=document.get("statics") == "nominal",
     )
 

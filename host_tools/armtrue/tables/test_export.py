@@ -10,6 +10,7 @@ import pytest
 from armtrue.errors import InputError
 from armtrue.tables import Exported, ExportOptions, export, fitted_arm, layout
 from armtrue.tables.conftest import document
+from armtrue.tables.export import _Exporter
 from armtrue.tables.image import Image
 
 
@@ -25,6 +26,15 @@ def exported(ratios: tuple[float | None, ...] = (None, None, None), **options: o
 def increments_per_turn(made: Exported) -> list[float]:
     """Increments per turn of the joints in the image."""
     return [joint.increments * 2.0 * np.pi for joint in Image(made.image).joints()]
+
+
+@pytest.mark.parametrize(("measured_kg", "held_kg"), [(200.0, 200.0), (3.0, 50.0)])
+def test_largest_payload_is_at_least_that_of_the_measurements(measured_kg: float, held_kg: float) -> None:
+    # Tables of a fit with 200 kg took 50 kg as the largest payload: poses with more were corrected wrongly.
+    fit = document([("motor2", "1e-3*payload", 1e-4)])
+    fit["data"] = {"ranges": {"payload": [0.0, measured_kg]}}
+    fit["robot"].pop("links", None)
+    assert _Exporter(fitted_arm(fit, "fit"), ExportOptions(), "fit").payload_max_kg == held_kg
 
 
 def test_sequence_changes_only_its_field_and_the_checksum() -> None:
