@@ -233,6 +233,11 @@ std::string event_of_step(const StructureFinding& f, const Fit& fit) {
     return "probable cause: a load was put on the tool or taken off; record it in a column payload "
            "[kg]";
   }
+  if (f.tried > 0) {
+    return "probable cause: the tracker was moved or set up anew in the pause; number the poses "
+           "before and after it 1 and 2 in a column station, and add that effect (a drift over all "
+           "sessions looks much the same)";
+  }
   if (f.coordinate.starts_with("base")) {
     return "probable cause: the tracker or a nest was knocked; number the poses before and after "
            "it 1 and 2 in a column station (or nest), and add that effect";

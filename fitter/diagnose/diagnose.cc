@@ -390,7 +390,9 @@ Diagnosis diagnose(Fit& fit, const DiagnoseOptions& options, Observer& observer)
   if (d.candidates.size() > options.listed) d.candidates.resize(options.listed);
   score_alone(scorer, fit, d.candidates);
   for (std::size_t f = 0; f < structure.findings.size(); ++f) {
-    if (!improbable.contains(f)) d.structure.push_back(structure.findings[f]);
+    const StructureFinding& finding = structure.findings[f];
+    if (!improbable.contains(f) && finding.log10_p < kStructureSignificant)
+      d.structure.push_back(finding);
   }
   d.scatter = scatter_along_joints(linearization, fit);
   const GrossCluster gross = gross_errors_together(fit);

@@ -171,9 +171,10 @@ std::vector<EvidenceBlock> structure_blocks(const Fit& fit, const Structure& str
     block.kind = "structure";
     block.structure = true;
     block.finding = f;
+    block.is_cause = finding.tried > 0;
     // A function of two variables can contain two causes, one in each variable: its prior odds are
     // those of two.
-    block.tried = std::pow(static_cast<double>(structure.tried),
+    block.tried = std::pow(static_cast<double>(finding.tried > 0 ? finding.tried : structure.tried),
                            static_cast<double>(finding.variables.size()));
     block.forms = {EvidenceForm(finding.has_own_form ? finding.block : smooth_block(fit, finding))};
     result.push_back(std::move(block));

@@ -24,6 +24,11 @@ constexpr double kLoosest = 5e-4, kSag = 1.5e-3;  // [m], [rad or m]
 // for the last rows 0.89 to 1.4: chosen between the two on those campaigns.
 constexpr std::size_t kCourseNodes = 7;
 constexpr double kShareOfCourse = 0.8;
+// In a pause of this length the instrument may have been set up anew [s]. Ours: trackers are seldom
+// left alone for an hour with the work unfinished, and drift little in less. With more pauses than
+// this, the arm was measured now and then, by an instrument that stayed.
+constexpr double kLongPause = 3600.0;
+constexpr std::size_t kMostPauses = 6;
 
 // One coordinate that an event displaces, on one frame or on several equally.
 struct MovedCoordinate {
@@ -138,6 +143,16 @@ std::vector<double> times_between(const std::vector<double>& sorted, std::size_t
   return times;
 }
 
+// The middle of each long pause in the sorted times.
+std::vector<double> long_pauses(const std::vector<double>& sorted) {
+  std::vector<double> middle;
+  for (std::size_t i = kLeastRows; i + kLeastRows <= sorted.size(); ++i) {
+    if (sorted[i] - sorted[i - 1] >= kLongPause)
+      middle.push_back((sorted[i] + sorted[i - 1]) / 2.0);
+  }
+  return middle;
+}
+
 struct BestStep {
   const Frame* frame = nullptr;
   double time = 0.0;
@@ -210,6 +225,36 @@ std::string words_of_step(const BestStep& step, double largest) {
   return text;
 }
 
+StructureFinding finding_of(const BestStep& best, const std::vector<double>& sorted,
+                            const Fit& fit) {
+  StructureFinding finding;
+  finding.variables = {"time"};
+  finding.block = block_of(*best.frame, {step_at(best.time)});
+  finding.score = best.score;
+  finding.cost = best.score.delta_bic;
+  finding.has_own_form = true;
+  // For base and reflectors the translations, which come first; for joints half of each one's
+  // largest deflection.
+  std::vector<double> moved = best.score.coefficient;
+  moved.resize(best.frame->front().factor.empty() ? 3 : best.frame->size());
+  for (std::size_t i = 0; i < moved.size(); ++i) {
+    const std::string& lever = (*best.frame)[i].factor;
+    if (lever.empty()) continue;
+    moved[i] *= largest_over_rows(fit.state(), lever);
+    finding.joints.push_back((*best.frame)[i].on.front().index + 1);
+  }
+  const auto most = static_cast<std::size_t>(
+      std::ranges::max_element(moved, {}, [](double a) { return std::abs(a); }) - moved.begin());
+  const MovedCoordinate& first = (*best.frame)[most];
+  // An equal displacement of all reflectors is one of the tool.
+  const bool one_of_several = first.on.size() == 1 && fit.measurements().targets > 1;
+  finding.coordinate = to_string(first.on.front(), one_of_several ? 2 : 1);
+  finding.x = {sorted.front(), best.time, best.time, sorted.back()};
+  finding.y = {-moved[most], -moved[most], moved[most], moved[most]};
+  finding.shape = words_of_step(best, 2.0 * std::abs(moved[most]));
+  return finding;
+}
+
 }  // namespace
 
 bool payload_varies(const State& state) {
@@ -226,32 +271,23 @@ std::optional<StructureFinding> find_knock(const Scorer& scorer, const Fit& fit)
   const std::vector<Frame> frames = frames_of(fit);
   const BestStep best = likeliest_step(scorer, frames, sorted);
   if (!best.frame || is_smooth_course(scorer, best, sorted)) return std::nullopt;
+  const bool of_base = best.frame == &frames.front();
+  if (of_base && std::ranges::count(long_pauses(sorted), best.time) > 0) return std::nullopt;
+  return finding_of(best, sorted, fit);
+}
 
-  StructureFinding finding;
-  finding.variables = {"time"};
-  finding.block = block_of(*best.frame, {step_at(best.time)});
-  finding.score = best.score;
-  finding.cost = best.score.delta_bic;
-  finding.has_own_form = true;
-  // For base and reflectors the translations, which come first; for joints half of each one's
-  // largest deflection.
-  std::vector<double> moved = best.score.coefficient;
-  moved.resize(best.frame->front().factor.empty() ? 3 : best.frame->size());
-  for (std::size_t i = 0; i < moved.size(); ++i) {
-    const std::string& lever = (*best.frame)[i].factor;
-    if (lever.empty()) continue;
-    moved[i] *= largest_over_rows(state, lever);
-    finding.joints.push_back((*best.frame)[i].on.front().index + 1);
-  }
-  const auto most = static_cast<std::size_t>(
-      std::ranges::max_element(moved, {}, [](double a) { return std::abs(a); }) - moved.begin());
-  const MovedCoordinate& first = (*best.frame)[most];
-  // An equal displacement of all reflectors is one of the tool.
-  const bool one_of_several = first.on.size() == 1 && fit.measurements().targets > 1;
-  finding.coordinate = to_string(first.on.front(), one_of_several ? 2 : 1);
-  finding.x = {sorted.front(), best.time, best.time, sorted.back()};
-  finding.y = {-moved[most], -moved[most], moved[most], moved[most]};
-  finding.shape = words_of_step(best, 2.0 * std::abs(moved[most]));
+std::optional<StructureFinding> find_new_set_up(const Scorer& scorer, const Fit& fit) {
+  const State& state = fit.state();
+  if (!state.recorded("time") || state.recorded("station")) return std::nullopt;
+  std::vector<double> sorted = state.column("time");
+  std::ranges::sort(sorted);
+  const std::vector<double> pauses = long_pauses(sorted);
+  if (pauses.empty() || pauses.size() > kMostPauses) return std::nullopt;
+  const Frame frame = base_frame();
+  const BestStep best = best_of(scorer, frame, pauses);
+  if (best.score.coefficient.empty()) return std::nullopt;
+  StructureFinding finding = finding_of(best, sorted, fit);
+  finding.tried = pauses.size();
   return finding;
 }
 

@@ -435,11 +435,13 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
   // Beside a larger effect these events are not among the best findings; but if they are left out,
   // other effects take their place.
   for (std::optional<StructureFinding> finding :
-       {find_knock(scorer, fit), find_swings(scorer, fit.state()),
+       {find_new_set_up(scorer, fit), find_knock(scorer, fit), find_swings(scorer, fit.state()),
         find_motion(scorer, fit.state())}) {
     if (!finding) continue;
-    finding->log10_p = log10_p_among(finding->score, structure.tried);
-    if (finding->log10_p < threshold) structure.findings.push_back(*std::move(finding));
+    const bool is_cause = finding->tried > 0;
+    finding->log10_p = log10_p_among(finding->score, is_cause ? finding->tried : structure.tried);
+    // A known cause may stand behind an effect that the fit has already.
+    if (is_cause || finding->log10_p < threshold) structure.findings.push_back(*std::move(finding));
   }
   std::ranges::stable_sort(structure.findings, {}, &StructureFinding::cost);
   return structure;

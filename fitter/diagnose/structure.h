@@ -28,6 +28,7 @@ struct StructureFinding {
   std::string shape;          ///< in words
   bool has_own_form = false;  ///< its block is weighed as it is, not as a smooth function
   std::size_t nodes = 0;      ///< over its variable, if more than usual; 0: the usual number
+  std::size_t tried = 0;      ///< of a cause of its own: alternatives to it; 0: an unknown cause
   std::vector<double> x,
       y;  ///< the fitted function over the first variable [rad or m], for drawing
 };
@@ -40,8 +41,13 @@ struct Structure {
 /// Finds the likeliest step in time: of the base (a knocked tracker), of all reflectors or one
 /// (taken out and put back), or of the load. Leaves `log10_p` to the caller. Returns nothing if a
 /// smooth change over time of the same coordinates explains clearly more, or if no time was
-/// recorded.
+/// recorded, or if the base stepped in a pause (find_new_set_up).
 std::optional<StructureFinding> find_knock(const Scorer& scorer, const Fit& fit);
+
+/// A step of the base in one of the pauses of an hour or more, in which the instrument may have
+/// been set up anew: the likeliest, however small. A drift over two sessions looks the same.
+/// Returns nothing if there was no such pause, or if a column `station` names the set-ups.
+std::optional<StructureFinding> find_new_set_up(const Scorer& scorer, const Fit& fit);
 
 /// True where a column `payload` has more than one value.
 bool payload_varies(const State& state);

@@ -39,6 +39,7 @@ struct EvidenceBlock {
   bool present = false;       ///< is in the fit
   bool believed = false;      ///< put into the model by the user, not by a search
   bool structure = false;     ///< a smooth function that belongs to no effect
+  bool is_cause = false;      ///< a structure, but a known cause that no recorded column shows
   bool unknown_load = false;  ///< springs loaded by unknown masses
   std::size_t finding = 0;    ///< of a structure: index in Structure::findings
   double tried = 0.0;  ///< alternatives it was selected from, which divide its prior odds; 0: none

@@ -110,11 +110,13 @@ Found found_columns(const EvidenceModel& model, const SearchResult& search) {
 }
 
 // True if block `b` is a structure of the same form as some effect: beside that effect it explains
-// next to nothing, and must not compete with it. A table counts only while it is not in the
-// likeliest set itself: if it is, a structure there explains something else.
+// next to nothing, and must not compete with it, unless it is a cause of its own. A table counts
+// only while it is not in the likeliest set itself: if it is, a structure there explains something
+// else.
 bool is_named_structure(const std::vector<EvidenceBlock>& blocks, const SearchResult& search,
                         std::size_t b) {
-  for (std::size_t a = 0; blocks[b].structure && a < blocks.size(); ++a) {
+  if (!blocks[b].structure || blocks[b].is_cause) return false;
+  for (std::size_t a = 0; a < blocks.size(); ++a) {
     const bool table = blocks[a].search.costly;
     if (blocks[a].structure || (table && search.likeliest[a])) continue;
     if (search.beyond(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)) <
