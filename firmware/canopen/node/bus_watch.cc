@@ -9,10 +9,10 @@ void BusWatch::process(std::uint64_t now_us) {
     emcy_.raise(bus_off_, counters.bus_off_entries);
     if (!off_) {
       off_ = true;
-      recovering_ = false;
-      off_since_us_ = now_us;
-    } else if (!recovering_ && now_us - off_since_us_ >= kRecoveryPauseUs) {
-      recovering_ = true;
+      paused_since_us_ = now_us;
+    } else if (now_us - paused_since_us_ >= kRecoveryPauseUs) {
+      // Again and again: the controller may have gone off once more between two turns.
+      paused_since_us_ = now_us;
       port_.recover();
     }
   } else if (off_) {

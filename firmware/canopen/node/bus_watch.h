@@ -33,8 +33,7 @@ class BusWatch {
   Condition bus_off_;
   std::uint32_t off_entries_;
   bool off_ = false;
-  bool recovering_ = false;
-  std::uint64_t off_since_us_ = 0;
+  std::uint64_t paused_since_us_ = 0;  // bus-off noticed, or the last recovery begun
   std::uint32_t overruns_;
   std::uint64_t last_overrun_us_ = 0;
 };

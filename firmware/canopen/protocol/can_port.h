@@ -76,8 +76,9 @@ class CanPort {
   virtual BusState bus_state() = 0;
 
   // Begins the recovery from bus-off (the 128 × 11 recessive bits run in hardware). Discards what
-  // was queued for transmission, because targets are stale after bus-off. No effect otherwise.
-  // bus_state() leaves kBusOff when the controller takes part in traffic again.
+  // was queued for transmission, because targets are stale after bus-off. No effect otherwise, nor
+  // while a recovery runs: the node calls it until it succeeds. bus_state() leaves kBusOff when the
+  // controller takes part in traffic again.
   virtual void recover() = 0;
 
   virtual BusCounters counters() const = 0;

@@ -87,7 +87,7 @@ class ZynqMpCan final : public canopen::CanPort {
   ZynqMpCan(Registers& registers, FifoLayout layout) : registers_(registers), layout_(layout) {}
 
   // Resets the controller, sets the bit timing and joins the bus. False if the controller does not
-  // enter or leave its configuration mode, or `timing` has prescaler 0.
+  // answer (there is none) or `timing` has prescaler 0; the bus may be silent, dominant or absent.
   bool start(const ports::BitTiming& timing);
 
   bool send(const canopen::CanFrame& frame) override;
@@ -112,6 +112,7 @@ class ZynqMpCan final : public canopen::CanPort {
   ports::Queue<ports::ClassicFrame, kQueue> received_;
   canopen::BusCounters counters_;
   bool is_off_ = false;
+  bool is_recovering_ = false;  // since recover(), until the controller has joined the bus
 };
 
 template <ports::RegisterBlock Registers>
@@ -121,11 +122,12 @@ bool ZynqMpCan<Registers>::start(const ports::BitTiming& timing) {
   return join();
 }
 
-// From reset to normal mode: the controller joins after eleven recessive bits (UG1085,
-// configuration mode).
+// Begins the way from reset to normal mode. The controller joins after eleven recessive bits
+// (UG1085, configuration mode), which a faulty bus may not carry for any length of time: frames
+// that are queued before that wait for it, and bus_state() notices the end of bus-off.
 template <ports::RegisterBlock Registers>
 bool ZynqMpCan<Registers>::join() {
-  constexpr std::uint32_t kPolls = 100000;
+  constexpr std::uint32_t kPolls = 1000;  // a reset takes some cycles of the bus clock
   registers_.write(zynqmp_can::kSrr, zynqmp_can::kSrrReset);
   if (!ports::wait_for(registers_, zynqmp_can::kSr, zynqmp_can::kSrConfiguration,
                        zynqmp_can::kSrConfiguration, kPolls)) {
@@ -138,7 +140,7 @@ bool ZynqMpCan<Registers>::join() {
   registers_.write(zynqmp_can::kIer, zynqmp_can::kIrqReceiveNotEmpty |
                                          zynqmp_can::kIrqReceiveOverflow | zynqmp_can::kIrqBusOff);
   registers_.write(zynqmp_can::kSrr, zynqmp_can::kSrrEnable);
-  return ports::wait_for(registers_, zynqmp_can::kSr, zynqmp_can::kSrConfiguration, 0, kPolls);
+  return true;
 }
 
 template <ports::RegisterBlock Registers>
@@ -161,8 +163,11 @@ bool ZynqMpCan<Registers>::send(const canopen::CanFrame& frame) {
 template <ports::RegisterBlock Registers>
 canopen::BusState ZynqMpCan<Registers>::bus_state() {
   const ports::InterruptLock lock;
-  if (is_off_) return canopen::BusState::kBusOff;
   const std::uint32_t status = registers_.read(zynqmp_can::kSr);
+  if (is_recovering_ && (status & zynqmp_can::kSrConfiguration) == 0) {
+    is_recovering_ = is_off_ = false;
+  }
+  if (is_off_) return canopen::BusState::kBusOff;
   const std::uint32_t state = status & zynqmp_can::kSrStateMask;
   // Already bus-off, but the interrupt that sets is_off_ has not been served yet.
   if (state == zynqmp_can::kSrBusOff) return canopen::BusState::kBusOff;
@@ -174,7 +179,7 @@ canopen::BusState ZynqMpCan<Registers>::bus_state() {
 template <ports::RegisterBlock Registers>
 void ZynqMpCan<Registers>::recover() {
   const ports::InterruptLock lock;
-  if (is_off_ && join()) is_off_ = false;
+  if (is_off_ && !is_recovering_) is_recovering_ = join();
 }
 
 template <ports::RegisterBlock Registers>
@@ -196,6 +201,7 @@ void ZynqMpCan<Registers>::on_interrupt() {
     if ((cause & zynqmp_can::kIrqBusOff) != 0) {
       count(counters_.bus_off_entries);
       is_off_ = true;
+      is_recovering_ = false;
       registers_.write(zynqmp_can::kSrr, 0);  // configuration mode: no recovery until asked for
     }
     registers_.write(zynqmp_can::kIcr, cause);

@@ -201,6 +201,30 @@ TEST_F(ZynqMpCanTest, BusOff_LastsUntilRecovery_DiscardsTheQueue) {
   EXPECT_TRUE(can_.receive(frame)) << "and receives again";
 }
 
+TEST_F(ZynqMpCanTest, BusStillDominantAtRecovery_JoinsWhenItIsFree) {
+  fake_.set_error_state(zynqmp_can::kSrBusOff);
+  run_interrupts();
+  fake_.is_bus_dominant = true;
+  can_.recover();
+  EXPECT_EQ(can_.bus_state(), BusState::kBusOff);
+  EXPECT_FALSE(can_.send(counting_frame(0x200, 0)));
+  fake_.is_bus_dominant = false;
+  EXPECT_EQ(can_.bus_state(), BusState::kActive);
+  EXPECT_TRUE(can_.send(counting_frame(0x200, 0)));
+  EXPECT_TRUE(fake_.transmit_one());
+}
+
+TEST(ZynqMpCanStart, Start_OnADominantBus_JoinsWhenItIsFree) {
+  FakeZynqMpCan fake;
+  fake.is_bus_dominant = true;
+  ZynqMpCan<FakeZynqMpCan> can(fake, FifoLayout::kHardware);
+  EXPECT_TRUE(can.start(kTiming));
+  fake.is_bus_dominant = false;
+  EXPECT_EQ(can.bus_state(), BusState::kActive);
+  EXPECT_TRUE(can.send(counting_frame(0x200, 0)));
+  EXPECT_TRUE(fake.transmit_one());
+}
+
 TEST_F(ZynqMpCanTest, RecoveryWithoutBusOffHasNoEffect) {
   ASSERT_TRUE(can_.send(counting_frame(0x200, 0)));
   can_.recover();
