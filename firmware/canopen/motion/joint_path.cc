@@ -332,10 +332,6 @@ void JointPath::check_offset(std::size_t axis, std::int32_t offset) {
 }
 
 void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now_us) {
-  if (frame.len < pdo.mapping.length) {
-    count(counters_.malformed);
-    return;
-  }
   // The targets of a computed set that still waits for SYNC count, too.
   const bool at_rest = now_us - resting_since_us_ >= kRestUs;
   for (const MappedEntry& mapped : pdo.mapping.used()) {

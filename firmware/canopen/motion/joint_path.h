@@ -36,6 +36,7 @@
 #include "firmware/canopen/protocol/object_dictionary.h"
 #include "firmware/canopen/protocol/pdo.h"
 #include "firmware/core/compensator.h"
+#include "firmware/core/fixed/counter.h"
 
 namespace armtrue::canopen {
 
@@ -127,7 +128,7 @@ class JointPath {
   void hear(const Pdo& pdo, const CanFrame& frame);
 
   // Subtracts from the actual positions in `frame` the correction that was in force; before the
-  // first set there is none.
+  // first set there is none. Precondition: frame.len >= pdo.mapping.length.
   void take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now_us);
 
   // An actual position came from downstream: until the restart the drives count as downstream,
@@ -138,6 +139,9 @@ class JointPath {
   // Whether the drives are on the downstream port. They would not receive offsets, which are sent
   // upstream.
   bool drives_are_downstream() const { return drives_are_downstream_; }
+
+  // A PDO without targets was shorter than its mapping.
+  void note_malformed() { count(counters_.malformed); }
 
   // Checks windows and time-outs. Returns whether the watchdog may be fed: the last call was at
   // most kSupervisionUs ago, and no stream has gone on without a set for more than the stale

@@ -76,6 +76,7 @@ void Node::apply_configuration() {
   joints_.configure_bounds();
   sdo_.reset(kSdoRequestBase + config_.node_id, kSdoResponseBase + config_.node_id);
   waiting_count_ = 0;
+  short_rpdos_ = 0;
 }
 
 bool Node::is_quiet() const {
@@ -190,7 +191,12 @@ void Node::handle_downstream(CanFrame& frame) {
   if (number < kRpdos) joints_.hear(pdos_.rpdo(number), frame);
   if (number < kRpdos && pdos_.rpdo(number).mapping.has_axis_object(kActualPosition)) {
     joints_.note_drives_downstream();
-    if (mode() == Mode::kInline) joints_.take_feedback(pdos_.rpdo(number), frame, now_us_);
+    if (mode() == Mode::kInline) {
+      // Without its mapped length, nothing says where the positions are from which the correction
+      // would have to be removed.
+      if (!is_whole(number, frame)) return;
+      joints_.take_feedback(pdos_.rpdo(number), frame, now_us_);
+    }
   } else if (number < kRpdos && !joints_.carries_target(number)) {
     handle_rpdo(number, frame);
   }
@@ -288,15 +294,7 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
     // Targets that belong to no set are never corrected.
     emcy_.raise(Condition::kSetsWithheld, kNoSet);
   }
-  if (frame.len < pdo.mapping.length) {
-    short_rpdo_ = number;
-    emcy_.raise(Condition::kPdoLength, frame.id);
-    return;
-  }
-  if (number == short_rpdo_) {
-    short_rpdo_ = kRpdos;
-    emcy_.clear(Condition::kPdoLength);
-  }
+  if (!is_whole(number, frame)) return;
   if (is_feedback) {
     // The frame itself stays unchanged; 0x6064 and the TPDOs that map it give the position without
     // the correction.
@@ -306,6 +304,20 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
   if (!pdo.is_synchronous() || !keep_for_sync(number, frame)) {
     joints_.take_input(pdo, frame, now_us_);
   }
+}
+
+bool Node::is_whole(std::size_t number, const CanFrame& frame) {
+  constexpr std::size_t kSource = 1;  // 0: the targets, whose end the joint path decides
+  const std::uint32_t bit = 1U << number;
+  if (frame.len < pdos_.rpdo(number).mapping.length) {
+    short_rpdos_ |= bit;
+    joints_.note_malformed();
+    emcy_.raise(Condition::kPdoLength, frame.id, kSource);
+    return false;
+  }
+  if (short_rpdos_ == bit) emcy_.clear(Condition::kPdoLength, kSource);
+  short_rpdos_ &= ~bit;
+  return true;
 }
 
 bool Node::keep_for_sync(std::size_t number, const CanFrame& frame) {
