@@ -218,6 +218,19 @@ TEST_P(InlineOutputsTest, RefusedLastStepToZero_IsMadeWithTheNextSet) {
   EXPECT_EQ(bench.compensator().state(), CompensatorState::kPassThrough);
 }
 
+TEST_P(InlineOutputsTest, BusTakesNoFrames_IsReportedAsRefused) {
+  settle_far();
+  ASSERT_EQ(bench.read(0x1001, 0), 0U);
+  bench.downstream.set_acknowledged(false);
+  const std::uint32_t sets = bench.node().joint_counters().sets;
+  for (int k = 0; k < 300; ++k) {
+    bench.next_sync();
+    bench.command_joints(kStand);
+  }
+  EXPECT_EQ(bench.read(0x1003, 1), kOutputRefused << 16 | kSetsWithheld);
+  EXPECT_LE(bench.node().joint_counters().sets, sets + 20) << "within the limit";
+}
+
 // Disabled, the node fades out what the drives hold, also a correction from before the restart.
 TEST_P(OutputsTest, DisabledBeforeTheFirstSet_FadesTheHeldCorrection) {
   settle_far();

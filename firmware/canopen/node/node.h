@@ -121,7 +121,8 @@ class Node final : private ObjectHooks, private DriveGuard {
   // the drives' offsets are zero.
   void carry_out();
   void watch_sdo_targets(const CanFrame& frame);
-  void forward(CanPort& to, const CanFrame& frame, Forwarding& from);
+  // Passes a frame on to the drives' bus.
+  void to_drives(const CanFrame& frame);
   void communication_error();
   void watch_buses();
   void note_nmt_state();

@@ -26,8 +26,7 @@ class FakeZynqMpCan {
     if (!is_present) return 0;
     switch (offset) {
       case zynqmp_can::kSr:
-        return (takes_part() ? 0 : zynqmp_can::kSrConfiguration) | error_state_ |
-               (to_send_.size() >= kFifo ? zynqmp_can::kSrTransmitFull : 0);
+        return (takes_part() ? 0 : zynqmp_can::kSrConfiguration) | error_state_;
       case zynqmp_can::kIsr:
         return causes_ | (received_.empty() ? 0 : zynqmp_can::kIrqReceiveNotEmpty);
       case zynqmp_can::kRxFifoId:
@@ -60,6 +59,7 @@ class FakeZynqMpCan {
     if (to_send_.empty() || !takes_part()) return false;
     sent.push_back(to_send_.front());
     to_send_.pop_front();
+    causes_ |= zynqmp_can::kIrqTransmitOk;
     return true;
   }
 
