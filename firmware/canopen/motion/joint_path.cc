@@ -507,6 +507,12 @@ void JointPath::note_discarded(const Discarded& discarded) {
   take_back_unsent();
   is_held_up_ = mode_ == Mode::kInline;
   tried_at_.reset();
+  for (std::size_t axis = 0; axis < joint_count_; ++axis) {
+    if ((discarded.axes >> axis & 1U) == 0) continue;
+    const auto later = static_cast<std::uint8_t>(last_cycle_ - discarded.cycle[axis]);
+    compensator_.take_back_cycles(axis, later + 1U);
+    dictionary_.set(od::axis::kPositionOffset[axis], compensator_.correction_of(last_cycle_, axis));
+  }
 }
 
 }  // namespace armtrue::canopen

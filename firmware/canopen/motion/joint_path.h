@@ -187,7 +187,7 @@ class JointPath {
   // refused. `unsent`: bit k, the newest offset of axis k has not left.
   void note_offsets(std::uint32_t refused, std::uint32_t unsent, std::uint64_t now_us);
 
-  // A port discarded outputs that it had accepted.
+  // A port discarded outputs that it had accepted. Their drives hold the output before.
   void note_discarded(const Discarded& discarded);
   // The cycle whose output went out last.
   std::uint32_t last_cycle() const { return last_cycle_; }

@@ -136,5 +136,55 @@ TEST_F(StaleCommandsTest, BusWithoutAcknowledgement_IsReported) {
       << "passive, no set, withheld; each once";
 }
 
+class StaleCorrectionsTest : public StaleCommandsTest {
+ protected:
+  StaleCorrectionsTest()
+      : StaleCommandsTest(
+            canopen::TestTable{.amplitude = 1 << 28, .rate = 1 << 24, .blend_ms = 20}.image()) {}
+
+  void rest(int cycles) {
+    for (int k = 0; k < cycles; ++k) {
+      bench_.cycle(100'000);
+      take_all();
+    }
+  }
+  // Returns the largest step in a cycle while the correction blends in.
+  std::int32_t begin() {
+    rest(2);
+    largest_step_ = 0;
+    rest(200);
+    return largest_step_;
+  }
+};
+
+TEST_F(StaleCorrectionsTest, FramesDiscardedAtBusOff_DoNotCountAsReceived) {
+  const std::int32_t usual = begin();
+  ASSERT_GT(usual, 0);
+  for (int k = 0; k < 10; ++k) bench_.cycle(100'000);
+  registers_.set_error_status(bxcan::kEsrBusOff);
+  port_.on_status_interrupt();
+  for (int k = 0; k < 200; ++k) bench_.cycle(100'000);
+  registers_.set_error_status(0);
+  for (int k = 0; k < 5; ++k) {
+    bench_.now_us += 1000;
+    bench_.turn();
+  }
+  largest_step_ = 0;
+  rest(100);
+  EXPECT_LE(largest_step_, usual);
+}
+
+TEST_F(StaleCorrectionsTest, FramesDiscardedForAge_DoNotCountAsReceived) {
+  const std::int32_t usual = begin();
+  for (int stop_ms = 1; stop_ms < 60; stop_ms += 7) {
+    lose_acknowledgement();
+    for (int k = 0; k < stop_ms; ++k) bench_.cycle(100'000);
+    registers_.set_error_status(0);
+    largest_step_ = 0;
+    rest(20);
+    EXPECT_LE(largest_step_, usual) << stop_ms;
+  }
+}
+
 }  // namespace
 }  // namespace armtrue::stm32f405
