@@ -389,8 +389,9 @@ TEST_F(CompensatorTest, TakeBackOfCycles_ContinuesFromTheOneBefore) {
   const CycleOutput next = compensator.cycle(at(0.2));
   EXPECT_LE(std::abs(next.delta[0] - delta[15][0]), increments(5e-3) / 20 + usual);
   compensator.take_back_cycles(0, 200);
-  EXPECT_EQ(compensator.correction_of(next.cycle, 0),
-            compensator.correction_of(next.cycle - kFeedbackHistory + 1, 0))
+  EXPECT_EQ(
+      compensator.correction_of(next.cycle, 0),
+      compensator.correction_of(static_cast<std::uint32_t>(next.cycle - kFeedbackHistory + 1), 0))
       << "the oldest that is known";
   EXPECT_EQ(settle(compensator, at(0.2)).delta[0], -increments(5e-3));
 }
