@@ -423,6 +423,22 @@ void Compensator::take_back_of(std::uint8_t joints) {
   }
 }
 
+[[gnu::cold]] void Compensator::take_back_cycles(std::size_t joint, std::uint32_t cycles) {
+  if (blend_ms_ == 0) return;  // no table yet, and no scale
+  const auto known = static_cast<std::uint32_t>(kFeedbackHistory - 1);
+  const std::uint32_t count = std::min(cycles, known);
+  const std::int32_t held = history_[(cycle_ - 1 - count) % kFeedbackHistory][joint];
+  for (std::uint32_t age = 1; age <= count; ++age) {
+    history_[(cycle_ - age) % kFeedbackHistory][joint] = held;
+  }
+  change([&](Motion& motion) {
+    motion.increments[joint] = held;
+    motion.delta[joint] = saturate(scale_[joint].units_of(held));
+    const bool passes = motion.state == CompensatorState::kPassThrough;
+    if (passes && held != 0) motion.state = CompensatorState::kBlending;
+  });
+}
+
 std::int32_t Compensator::increments_of(std::size_t joint) const {
   const JointScale& scale = scale_[joint];
   return saturate(

@@ -180,6 +180,10 @@ class Compensator {
   // joints are not affected.
   void take_back_of(std::uint8_t joints);
 
+  // The drive of `joint` did not receive the outputs of the last `cycles` cycles: its correction
+  // continues from the one before them, at most kFeedbackHistory - 1 cycles back.
+  void take_back_cycles(std::size_t joint, std::uint32_t cycles);
+
   // The stream of commands was interrupted. A joint keeps its approach direction if its next target
   // lies within the dead band of its last one; otherwise the direction becomes unknown.
   void restart_stream();

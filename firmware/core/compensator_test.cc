@@ -371,6 +371,42 @@ TEST_F(CompensatorTest, TakeBackOfFinalZero_AtOneJoint_FadesOn) {
   EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
 }
 
+TEST_F(CompensatorTest, TakeBackOfCycles_ContinuesFromTheOneBefore) {
+  activate(offset_table(5e-3));
+  CycleOutput output;
+  std::array<std::array<std::int32_t, kJoints>, 20> delta = {};
+  for (auto& row : delta) {
+    output = compensator.cycle(at(0.2));
+    std::copy_n(output.delta.begin(), kJoints, row.begin());
+  }
+  ASSERT_NE(delta[18][0], delta[15][0]);
+  compensator.take_back_cycles(0, 4);
+  for (std::uint32_t age = 0; age < 5; ++age) {
+    EXPECT_EQ(compensator.correction_of(output.cycle - age, 0), delta[15][0]) << age;
+    EXPECT_EQ(compensator.correction_of(output.cycle - age, 1), delta[19 - age][1]);
+  }
+  const std::int32_t usual = std::abs(delta[16][0] - delta[15][0]);
+  const CycleOutput next = compensator.cycle(at(0.2));
+  EXPECT_LE(std::abs(next.delta[0] - delta[15][0]), increments(5e-3) / 20 + usual);
+  compensator.take_back_cycles(0, 200);
+  EXPECT_EQ(
+      compensator.correction_of(next.cycle, 0),
+      compensator.correction_of(static_cast<std::uint32_t>(next.cycle - kFeedbackHistory + 1), 0))
+      << "the oldest that is known";
+  EXPECT_EQ(settle(compensator, at(0.2)).delta[0], -increments(5e-3));
+}
+
+TEST_F(CompensatorTest, TakeBackOfFinalZeroes_FadesOn) {
+  activate(offset_table(5e-3));
+  settle(compensator, at(0.2));
+  compensator.park();
+  while (compensator.is_fading()) compensator.cycle(at(0.2));
+  compensator.take_back_cycles(0, 3);
+  EXPECT_TRUE(compensator.is_fading());
+  EXPECT_EQ(settle(compensator, at(0.2)).delta[0], 0);
+  EXPECT_EQ(compensator.state(), CompensatorState::kPassThrough);
+}
+
 TEST_F(CompensatorTest, BeginWhileDisabled_BlendsHeldCorrectionOut) {
   activate(offset_table(5e-3));
   compensator.disable();

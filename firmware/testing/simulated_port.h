@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <deque>
 #include <initializer_list>
+#include <optional>
 #include <vector>
 
 #include "firmware/canopen/protocol/can_port.h"
@@ -18,16 +19,26 @@ class SimulatedPort final : public CanPort {
   // `room`: frames that fit into the transmit queue before send() refuses.
   explicit SimulatedPort(bool fd = false, std::size_t room = SIZE_MAX) : fd_(fd), room_(room) {}
 
-  bool send(const CanFrame& frame) override {
+  bool queue(const CanFrame& frame, const Command* command) override {
     const bool possible = frame.len <= (frame.is(kFrameFd) ? kFdPayload : kClassicPayload) &&
                           (!frame.is(kFrameFd) || (fd_ && is_valid_fd_length(frame.len)));
-    if (!possible || state_ == BusState::kBusOff || sent_.size() >= room_) {
+    if (!possible || state_ == BusState::kBusOff || waiting() >= room_) {
       ++counters_.send_refused;
       return false;
     }
-    ++counters_.sent;
-    sent_.push_back(frame);
+    held_up_.push_back({frame, command == nullptr ? std::nullopt : std::optional(*command)});
+    pass_held_up();
     return true;
+  }
+
+  void discard_commands(Discarded& discarded) override {
+    std::erase_if(held_up_, [&](const HeldUp& held) {
+      if (!held.command) return false;
+      discarded.note(*held.command);
+      note_command_gone();
+      ++counters_.send_refused;
+      return true;
+    });
   }
 
   bool receive(CanFrame& frame) override {
@@ -39,7 +50,7 @@ class SimulatedPort final : public CanPort {
   }
 
   // In a queue of limited length, the first places stand for the controller's mailboxes.
-  bool has_backlog() override { return room_ != SIZE_MAX && sent_.size() > kMailboxes; }
+  bool has_backlog() override { return room_ != SIZE_MAX && waiting() > kMailboxes; }
 
   std::uint8_t longest_burst() const override { return longest_burst_; }
 
@@ -47,7 +58,10 @@ class SimulatedPort final : public CanPort {
 
   void recover() override {
     if (state_ != BusState::kBusOff) return;
+    Discarded unused;
+    discard_commands(unused);
     sent_.clear();
+    held_up_.clear();
     state_ = BusState::kActive;
     ++recoveries_;
   }
@@ -69,7 +83,13 @@ class SimulatedPort final : public CanPort {
     sent_.pop_front();
     return true;
   }
-  std::size_t waiting() const { return sent_.size(); }
+  std::size_t waiting() const { return sent_.size() + held_up_.size(); }
+  // While the bus takes nothing (no acknowledgement), frames wait in the controller and can be
+  // discarded. Otherwise it takes them at once.
+  void set_acknowledged(bool is_acknowledged) {
+    is_acknowledged_ = is_acknowledged;
+    pass_held_up();
+  }
   void set_state(BusState state) {
     if (state == BusState::kBusOff && state_ != state) ++counters_.bus_off_entries;
     state_ = state;
@@ -81,14 +101,28 @@ class SimulatedPort final : public CanPort {
 
  private:
   static constexpr std::size_t kMailboxes = 3;
+  struct HeldUp {
+    CanFrame frame;
+    std::optional<Command> command;
+  };
+
+  void pass_held_up() {
+    for (; is_acknowledged_ && !held_up_.empty(); held_up_.pop_front()) {
+      sent_.push_back(held_up_.front().frame);
+      ++counters_.sent;
+      if (held_up_.front().command) note_command_gone();
+    }
+  }
 
   bool fd_;
+  bool is_acknowledged_ = true;
   std::size_t room_;
   std::uint8_t longest_burst_ = CanPort::longest_burst();
   BusState state_ = BusState::kActive;
   BusCounters counters_;
   std::deque<CanFrame> arrived_;
-  std::deque<CanFrame> sent_;
+  std::deque<CanFrame> sent_;  // taken by the bus
+  std::deque<HeldUp> held_up_;
   std::size_t recoveries_ = 0;
 };
 

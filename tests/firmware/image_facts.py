@@ -157,14 +157,16 @@ INDIRECT_CALLS: dict[str, str] = {
     r"^armtrue::replay::(\(anonymous namespace\)::)?play(_all)?\(": (
         r"^\(anonymous namespace\)::(read_file|write_file|between)\(|InstructionCounter::read\("
     ),
-    r"SlcanPort::(send|reply)\(": r"::Usart<.*>::write\(|::Usart<.*>::writable\(",
+    r"SlcanPort::(queue|reply)\(": r"::Usart<.*>::write\(|::Usart<.*>::writable\(",
     r"SlcanPort::receive\(": r"::Usart<.*>::read\(",
     r"canopen::Node::process\(": _PORT + r"receive\(",
     r"canopen::(Node::run_self_test|.*refresh_bus)\(": _PORT + r"(bus_state|counters)\(",
     r"canopen::BusWatch::BusWatch\(": _PORT + r"counters\(",
-    r"canopen::BusWatch::process\(": _PORT + r"(bus_state|counters|recover)\(",
-    r"canopen::(Node::forward|SdoServer::transmit|TpdoProducer::transmit|Emcy::process|JointPath::(release|send_set)|"
-    r"Nmt::send_state)\(": _PORT + r"send\(",
+    r"canopen::BusWatch::(process|watch_commands)\(": (
+        _PORT + r"(bus_state|counters|recover|discard_commands)\("
+    ),
+    r"canopen::(CanPort::send(_command)?|Node::(to_drives|handle_downstream)|SdoServer::transmit|TpdoProducer::transmit|"
+    r"Emcy::process|JointPath::(release|send_set)|Nmt::send_state)\(": _PORT + r"queue\(",
     r"canopen::SdoServer::send_block_segment\(": r"(BxCan<.*>|CanPort)::has_backlog\(",
     r"canopen::SdoServer::initiate_block_download\(": r"(ZynqMpCan<.*>|CanPort)::longest_burst\(",
     r"canopen::Node::Node\(": r"CanPort::supports_fd\(",
@@ -183,8 +185,8 @@ INDIRECT_CALLS: dict[str, str] = {
     ),
     r"canopen::TpdoProducer::sample\(": r"Node::before_read\(",
     r"canopen::TableTransfer::(command|commit|check_axes)\(": r"Node::may_(erase|change_axes)\(",
-    r"canopen::JointPath::(compute|take_target)\(": r"(stm32f405|r5f)::clock_us\(|" + _PORT + r"send\(",
-    r"canopen::Node::handle_(sync|upstream)\(": r"(stm32f405|r5f)::clock_us\(|" + _PORT + r"send\(",
+    r"canopen::JointPath::(compute|take_target)\(": r"(stm32f405|r5f)::clock_us\(|" + _PORT + r"queue\(",
+    r"canopen::Node::handle_(sync|upstream)\(": r"(stm32f405|r5f)::clock_us\(|" + _PORT + r"queue\(",
     r"(storage::SlotStore|canopen::TableTransfer)::capacity\(": _FLASH + r"slot_size\(",
     r"storage::SlotStore::(read_header|is_blank|load|classify|load_pending|activate|commit|load_active)\(": _FLASH
     + r"(read|slot_size)\(",

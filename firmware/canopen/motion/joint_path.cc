@@ -61,6 +61,7 @@ void JointPath::set_mode(Mode mode) {
 }
 
 void JointPath::forget() {
+  is_held_up_ = false;
   unsent_ = 0;
   phase_ = Phase::kUnknown;
   heard_ = 0;
@@ -244,7 +245,7 @@ void JointPath::publish() {
 bool JointPath::release(std::uint64_t now_us) {
   if (mode_ == Mode::kInline) {
     const std::size_t sent = send_set();
-    is_refused_ = sent < sets_.frames().size();
+    is_refused_ = is_held_up_ || sent < sets_.frames().size();
     if (sent == 0) {
       unsent_ = 0;
       take_back();
@@ -276,11 +277,17 @@ void JointPath::note_set_out(std::uint64_t now_us) {
   emcy_.clear(Condition::kSetsWithheld);
 }
 
+bool JointPath::may_send() {
+  if (!is_held_up_ || !tried_at_) return true;
+  is_held_up_ = static_cast<std::int32_t>(downstream_->commands().gone - *tried_at_) < 0;
+  return !is_held_up_;
+}
+
 // Returns how many frames of the set left; the joints of the other frames go into unsent_.
 std::size_t JointPath::send_set() {
   if (downstream_ == nullptr) return 0;
   std::size_t sent = 0;
-  bool refused = false;
+  bool refused = !may_send();
   for (const SetAssembler::Held& held : sets_.frames()) {
     CanFrame frame = held.frame;
     std::uint32_t joints = 0;
@@ -293,12 +300,15 @@ std::size_t JointPath::send_set() {
     }
     // After a refused frame the rest of the set is held back too, so that as few joints as possible
     // differ.
-    refused = refused || !downstream_->send(frame);
+    const Command command = {static_cast<std::uint8_t>(joints),
+                             static_cast<std::uint8_t>(output_.cycle)};
+    refused = refused || !downstream_->send_command(frame, command);
     sent += refused ? 0U : 1U;
     if (!refused) continue;
     count(counters_.output_refused);
     unsent_ = static_cast<std::uint8_t>(unsent_ | joints);
   }
+  if (is_held_up_ && sent != 0) tried_at_ = downstream_->commands().accepted;
   return sent;
 }
 
@@ -332,10 +342,6 @@ void JointPath::check_offset(std::size_t axis, std::int32_t offset) {
 }
 
 void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now_us) {
-  if (frame.len < pdo.mapping.length) {
-    count(counters_.malformed);
-    return;
-  }
   // The targets of a computed set that still waits for SYNC count, too.
   const bool at_rest = now_us - resting_since_us_ >= kRestUs;
   for (const MappedEntry& mapped : pdo.mapping.used()) {
@@ -493,6 +499,20 @@ void JointPath::note_offsets(std::uint32_t refused, std::uint32_t unsent, std::u
   if (refused != 0) take_back_unsent();
   if (is_offset_set_ && !is_refused_) note_set_out(now_us);
   is_offset_set_ = false;
+}
+
+void JointPath::note_discarded(const Discarded& discarded) {
+  if (discarded.axes == 0 || phase_ == Phase::kUnknown) return;
+  take_back();
+  take_back_unsent();
+  is_held_up_ = mode_ == Mode::kInline;
+  tried_at_.reset();
+  for (std::size_t axis = 0; axis < joint_count_; ++axis) {
+    if ((discarded.axes >> axis & 1U) == 0) continue;
+    const auto later = static_cast<std::uint8_t>(last_cycle_ - discarded.cycle[axis]);
+    compensator_.take_back_cycles(axis, later + 1U);
+    dictionary_.set(od::axis::kPositionOffset[axis], compensator_.correction_of(last_cycle_, axis));
+  }
 }
 
 }  // namespace armtrue::canopen

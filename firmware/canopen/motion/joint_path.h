@@ -26,6 +26,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "firmware/canopen/motion/drive_states.h"
 #include "firmware/canopen/motion/latency.h"
@@ -36,6 +37,7 @@
 #include "firmware/canopen/protocol/object_dictionary.h"
 #include "firmware/canopen/protocol/pdo.h"
 #include "firmware/core/compensator.h"
+#include "firmware/core/fixed/counter.h"
 
 namespace armtrue::canopen {
 
@@ -127,7 +129,7 @@ class JointPath {
   void hear(const Pdo& pdo, const CanFrame& frame);
 
   // Subtracts from the actual positions in `frame` the correction that was in force; before the
-  // first set there is none.
+  // first set there is none. Precondition: frame.len >= pdo.mapping.length.
   void take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now_us);
 
   // An actual position came from downstream: until the restart the drives count as downstream,
@@ -138,6 +140,9 @@ class JointPath {
   // Whether the drives are on the downstream port. They would not receive offsets, which are sent
   // upstream.
   bool drives_are_downstream() const { return drives_are_downstream_; }
+
+  // A PDO without targets was shorter than its mapping.
+  void note_malformed() { count(counters_.malformed); }
 
   // Checks windows and time-outs. Returns whether the watchdog may be fed: the last call was at
   // most kSupervisionUs ago, and no stream has gone on without a set for more than the stale
@@ -182,6 +187,11 @@ class JointPath {
   // refused. `unsent`: bit k, the newest offset of axis k has not left.
   void note_offsets(std::uint32_t refused, std::uint32_t unsent, std::uint64_t now_us);
 
+  // A port discarded outputs that it had accepted. Their drives hold the output before.
+  void note_discarded(const Discarded& discarded);
+  // The cycle whose output went out last.
+  std::uint32_t last_cycle() const { return last_cycle_; }
+
   // Writes every value of a PDO into the dictionary, also values mapped beside targets.
   // Precondition: frame.len >= pdo.mapping.length.
   void take_input(const Pdo& pdo, const CanFrame& frame, std::uint64_t now_us);
@@ -214,6 +224,7 @@ class JointPath {
   bool release(std::uint64_t now_us);
   void note_set_out(std::uint64_t now_us);
   std::size_t send_set();
+  bool may_send();
   bool is_kept_from_sync() const;
   void publish();
   void follow_drives();
@@ -268,7 +279,11 @@ class JointPath {
   std::uint16_t last_flags_ = 0;
   bool streaming_ = false;
   bool seen_target_ = false;
-  bool is_refused_ = false;     // the drives' bus refused the last set or a part of it
+  bool is_refused_ = false;  // the drives' bus refused the last set or a part of it
+  // The drives' bus discarded outputs. Until one has left again, sets go out one at a time, so that
+  // a bus that comes back gets no burst of them.
+  bool is_held_up_ = false;
+  std::optional<std::uint32_t> tried_at_;  // commands accepted with the one that was tried
   bool is_offset_set_ = false;  // the last set is in the offsets; note_offsets() is to follow
   std::uint8_t unsent_ = 0;     // bit k: the last output of joint k has not reached its drive
   std::uint64_t last_target_us_ = 0;

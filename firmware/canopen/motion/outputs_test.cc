@@ -218,6 +218,48 @@ TEST_P(InlineOutputsTest, RefusedLastStepToZero_IsMadeWithTheNextSet) {
   EXPECT_EQ(bench.compensator().state(), CompensatorState::kPassThrough);
 }
 
+// The bus accepts frames and takes none for longer than BusWatch::kCommandLifeUs.
+TEST_P(OutputsTest, BusTakesNoFrames_GoesOnFromWhatTheDrivesHold) {
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  target = stand = kStand;
+  rest(kStand, 100);
+  bench.run_for(600'000);
+  ASSERT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
+  take_output();
+  rest(kStand, 20);
+  SimulatedPort& port = offset_ ? bench.upstream : bench.downstream;
+  for (const int outage_ms : {25, 33, 47, 300}) {
+    SCOPED_TRACE(outage_ms);
+    const Joints before = stand;
+    port.set_acknowledged(false);
+    for (int k = 0; k < outage_ms; ++k) {
+      bench.next_sync();
+      bench.command_joints(kStand);
+    }
+    port.set_acknowledged(true);
+    take_output();
+    EXPECT_LE(farthest(before, stand), offset_ ? 20 * kRate : kRate) << "inline, one set at most";
+    EXPECT_LE(rest(kStand, 10), kRate);
+    EXPECT_EQ(seen, kStand);
+    EXPECT_EQ(bench.read(0x1001, 0), 0U) << "the stream goes on";
+  }
+  EXPECT_LE(rest(kStand, 1000), kRate);
+  EXPECT_GT(farthest(stand, kStand), 30'000);
+}
+
+TEST_P(InlineOutputsTest, BusTakesNoFrames_IsReportedAsRefused) {
+  settle_far();
+  ASSERT_EQ(bench.read(0x1001, 0), 0U);
+  bench.downstream.set_acknowledged(false);
+  const std::uint32_t sets = bench.node().joint_counters().sets;
+  for (int k = 0; k < 300; ++k) {
+    bench.next_sync();
+    bench.command_joints(kStand);
+  }
+  EXPECT_EQ(bench.read(0x1003, 1), kOutputRefused << 16 | kSetsWithheld);
+  EXPECT_LE(bench.node().joint_counters().sets, sets + 20) << "within the limit";
+}
+
 // Disabled, the node fades out what the drives hold, also a correction from before the restart.
 TEST_P(OutputsTest, DisabledBeforeTheFirstSet_FadesTheHeldCorrection) {
   settle_far();

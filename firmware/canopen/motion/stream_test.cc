@@ -121,6 +121,30 @@ TEST_P(InlineStreamTest, ShortActualPositions_AreCounted) {
   EXPECT_EQ(bench.read(0x2001, 10), 1U);
 }
 
+TEST_P(InlineStreamTest, ShortActualPositions_AreReportedAndNotPassedOn) {
+  constexpr std::uint32_t kPdoLength = 0x8210;
+  settle();
+  bench.upstream.take_sent();
+  // The position of joint 1 is whole and contains its correction; that of joint 2 is not.
+  CanFrame frame = NodeBench::pair_frame(0x1C0, stand[0], stand[1]);
+  frame.len = 7;
+  bench.from_drives(frame);
+  EXPECT_TRUE(bench.sent(0x1C0).empty());
+  EXPECT_EQ(bench.read(0x1003, 1), 0x1C0U << 16 | kPdoLength);
+  bench.from_drives(make_frame(0x1C1, {1, 2, 3}));
+  for (int k = 0; k < 200; ++k) {
+    bench.next_sync();
+    bench.command_joints(target);
+  }
+  EXPECT_EQ(bench.read(0x1003, 0), 1U) << "clean sets of targets do not end it";
+  EXPECT_EQ(bench.read(0x1001, 0), 0x11U);
+  frame.len = 8;
+  bench.from_drives(frame);
+  EXPECT_EQ(bench.read(0x1001, 0), 0x11U) << "the other pair";
+  bench.from_drives(NodeBench::pair_frame(0x1C1, stand[2], stand[3]));
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
 TEST_P(InlineStreamTest, ActualPositionOfASeventhAxis_IsIgnored) {
   ASSERT_EQ(bench.write(0x160C, 0, 0, 1), 0U);
   ASSERT_EQ(bench.write(0x160C, 1, 0x90640020, 4), 0U);

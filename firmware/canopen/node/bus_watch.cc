@@ -2,17 +2,31 @@
 
 namespace armtrue::canopen {
 
-void BusWatch::process(std::uint64_t now_us) {
+// A command accepted after the mark is marked itself before the first half of the limit is over,
+// and is gone within the second.
+void BusWatch::watch_commands(std::uint64_t now_us, Discarded& discarded) {
+  const CommandCounts commands = port_.commands();
+  if (static_cast<std::int32_t>(commands.gone - marked_) >= 0) {
+    marked_ = commands.accepted;
+    marked_us_ = now_us;
+  } else if (now_us - marked_us_ >= kCommandLifeUs / 2) {
+    port_.discard_commands(discarded);
+  }
+}
+
+void BusWatch::process(std::uint64_t now_us, Discarded& discarded) {
+  watch_commands(now_us, discarded);
   const BusState state = port_.bus_state();
   const BusCounters counters = port_.counters();
   if (state == BusState::kBusOff) {
     emcy_.raise(bus_off_, counters.bus_off_entries);
     if (!off_) {
       off_ = true;
-      recovering_ = false;
-      off_since_us_ = now_us;
-    } else if (!recovering_ && now_us - off_since_us_ >= kRecoveryPauseUs) {
-      recovering_ = true;
+      port_.discard_commands(discarded);
+      paused_since_us_ = now_us;
+    } else if (now_us - paused_since_us_ >= kRecoveryPauseUs) {
+      // Again and again: the controller may have gone off once more between two turns.
+      paused_since_us_ = now_us;
       port_.recover();
     }
   } else if (off_) {

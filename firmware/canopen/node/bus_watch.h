@@ -1,4 +1,5 @@
-// Watches one controller: recovery from bus-off, error states, lost frames.
+// Watches one controller: recovery from bus-off, error states, lost frames, commands that do not
+// leave.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_NODE_BUS_WATCH_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_NODE_BUS_WATCH_H_
 
@@ -19,7 +20,14 @@ class BusWatch {
         off_entries_(port.counters().bus_off_entries),
         overruns_(port.counters().receive_overruns) {}
 
-  void process(std::uint64_t now_us);
+  // Adds the commands that it had to discard to `discarded`.
+  void process(std::uint64_t now_us, Discarded& discarded);
+
+  // No command leaves that was given to the controller longer ago than this (and a turn of the
+  // loop). A controller that gets no acknowledgement keeps its frames for ever, error passive, and
+  // drives would act on them when they come back. Long enough for a busy bus to take a full queue:
+  // 35 frames are 5 ms at 1 Mbit/s. Answers, emergencies and NMT stay in the queue however old.
+  static constexpr std::uint64_t kCommandLifeUs = 20'000;
 
   // Pause before each recovery, so that a controller which goes bus-off again at once does not
   // disturb the bus all the time.
@@ -28,14 +36,18 @@ class BusWatch {
   static constexpr std::uint64_t kOverrunMemoryUs = 1'000'000;
 
  private:
+  void watch_commands(std::uint64_t now_us, Discarded& discarded);
+
   CanPort& port_;
   Emcy& emcy_;
   Condition bus_off_;
   std::uint32_t off_entries_;
   bool off_ = false;
-  bool recovering_ = false;
-  std::uint64_t off_since_us_ = 0;
+  std::uint64_t paused_since_us_ = 0;  // bus-off noticed, or the last recovery begun
   std::uint32_t overruns_;
+  // Commands that had been accepted at marked_us_. When they are gone, the next ones are marked.
+  std::uint32_t marked_ = 0;
+  std::uint64_t marked_us_ = 0;
   std::uint64_t last_overrun_us_ = 0;
 };
 

@@ -75,6 +75,16 @@ TEST_F(BusTest, BusOffIsRecoveredAfterAPauseAndReported) {
   EXPECT_EQ(load_le<std::uint16_t>(emcy[1].data), 0x0000);
 }
 
+TEST_F(BusTest, BusOffAgainBeforeTheNextTurn_IsRecoveredAgain) {
+  bench.run_for(1000);
+  bench.upstream.set_state(BusState::kBusOff);
+  while (bench.upstream.recoveries() == 0) bench.run_for(1000);
+  bench.upstream.set_state(BusState::kBusOff);
+  bench.run_for(2 * BusWatch::kRecoveryPauseUs);
+  EXPECT_EQ(bench.upstream.recoveries(), 2U);
+  EXPECT_EQ(bench.upstream.bus_state(), BusState::kActive);
+}
+
 TEST_F(BusTest, BusOffBetweenTwoTurns_IsReported) {
   bench.run_for(1000);
   sent();

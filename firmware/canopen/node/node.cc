@@ -21,6 +21,20 @@ void report(Loaded loaded, Emcy& emcy) {
   if (loaded == Loaded::kOther) emcy.raise(Condition::kStorage, 0x102);
 }
 
+// Whether a frame keeps its meaning while it waits: NMT, EMCY, SDO, error control, LSS (by the
+// identifiers of CiA 301, 7.3.5). All others are taken for commands, whose time passes: SYNC, time
+// stamp, PDOs, frames of other protocols.
+bool is_service(const CanFrame& frame) {
+  constexpr std::uint32_t kEmcy = 1;
+  constexpr std::uint32_t kSdoResponse = kSdoResponseBase >> 7;
+  constexpr std::uint32_t kSdoRequest = kSdoRequestBase >> 7;
+  constexpr std::uint32_t kErrorControl = kHeartbeatBase >> 7;
+  if (frame.is(kFrameExtended)) return false;
+  const std::uint32_t function = frame.id >> 7;
+  return frame.id == kNmtCommandId || function == kEmcy || function == kSdoResponse ||
+         function == kSdoRequest || function >= kErrorControl;
+}
+
 }  // namespace
 
 Node::Node(const NodeConfig& config, const NodeParts& parts)
@@ -76,6 +90,7 @@ void Node::apply_configuration() {
   joints_.configure_bounds();
   sdo_.reset(kSdoRequestBase + config_.node_id, kSdoResponseBase + config_.node_id);
   waiting_count_ = 0;
+  short_rpdos_ = 0;
 }
 
 bool Node::is_quiet() const {
@@ -121,8 +136,10 @@ NodeAction Node::process(std::uint64_t now_us) {
 }
 
 void Node::watch_buses() {
-  upstream_watch_.process(now_us_);
-  if (downstream_watch_) downstream_watch_->process(now_us_);
+  Discarded discarded;
+  upstream_watch_.process(now_us_, discarded);
+  if (downstream_watch_) downstream_watch_->process(now_us_, discarded);
+  joints_.note_discarded(discarded);
 }
 
 void Node::note_nmt_state() {
@@ -179,7 +196,7 @@ void Node::handle_upstream(const CanFrame& frame) {
   if (is_target && mode() == Mode::kInline) return;
   if (parts_.downstream == nullptr) return;
   watch_sdo_targets(frame);
-  forward(*parts_.downstream, frame, from_upstream_);
+  to_drives(frame);
 }
 
 void Node::handle_downstream(CanFrame& frame) {
@@ -190,15 +207,24 @@ void Node::handle_downstream(CanFrame& frame) {
   if (number < kRpdos) joints_.hear(pdos_.rpdo(number), frame);
   if (number < kRpdos && pdos_.rpdo(number).mapping.has_axis_object(kActualPosition)) {
     joints_.note_drives_downstream();
-    if (mode() == Mode::kInline) joints_.take_feedback(pdos_.rpdo(number), frame, now_us_);
+    if (mode() == Mode::kInline) {
+      // Without its mapped length, nothing says where the positions are from which the correction
+      // would have to be removed.
+      if (!is_whole(number, frame)) return;
+      joints_.take_feedback(pdos_.rpdo(number), frame, now_us_);
+    }
   } else if (number < kRpdos && !joints_.carries_target(number)) {
     handle_rpdo(number, frame);
   }
-  forward(parts_.upstream, frame, from_downstream_);
+  const bool is_out = parts_.upstream.send(frame);
+  count(is_out ? from_downstream_.forwarded : from_downstream_.dropped);
 }
 
-void Node::forward(CanPort& to, const CanFrame& frame, Forwarding& from) {
-  count(to.send(frame) ? from.forwarded : from.dropped);
+void Node::to_drives(const CanFrame& frame) {
+  CanPort& port = *parts_.downstream;
+  const bool is_out =
+      is_service(frame) && !is_sync(frame) ? port.send(frame) : port.send_command(frame, {});
+  count(is_out ? from_upstream_.forwarded : from_upstream_.dropped);
 }
 
 bool Node::serve(const CanFrame& frame) {
@@ -235,7 +261,7 @@ void Node::handle_sync(const CanFrame& frame) {
   const bool obeyed = counts && nmt_.state() == NmtState::kOperational;
   const bool fresh = obeyed && joints_.on_sync(now_us_);
   if (parts_.downstream != nullptr) {
-    forward(*parts_.downstream, frame, from_upstream_);
+    to_drives(frame);
     const auto took_us = static_cast<std::uint32_t>(config_.clock_us() - begin_us);
     sync_latency_.note(took_us);
     sync_jitter_.note(std::max(took_us, last_sync_latency_us_) -
@@ -261,7 +287,8 @@ void Node::obey_sync(const CanFrame& frame) {
   }
   waiting_count_ = 0;
   const std::uint8_t counter = overflow != 0 ? frame.data[0] : std::uint8_t{0};
-  const std::uint32_t refused = tpdos_.on_sync(parts_.upstream, counter, now_us_);
+  const std::uint32_t refused =
+      tpdos_.on_sync(parts_.upstream, counter, joints_.last_cycle(), now_us_);
   joints_.note_offsets(refused, tpdos_.unsent(), now_us_);
 }
 
@@ -288,15 +315,7 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
     // Targets that belong to no set are never corrected.
     emcy_.raise(Condition::kSetsWithheld, kNoSet);
   }
-  if (frame.len < pdo.mapping.length) {
-    short_rpdo_ = number;
-    emcy_.raise(Condition::kPdoLength, frame.id);
-    return;
-  }
-  if (number == short_rpdo_) {
-    short_rpdo_ = kRpdos;
-    emcy_.clear(Condition::kPdoLength);
-  }
+  if (!is_whole(number, frame)) return;
   if (is_feedback) {
     // The frame itself stays unchanged; 0x6064 and the TPDOs that map it give the position without
     // the correction.
@@ -306,6 +325,20 @@ void Node::handle_rpdo(std::size_t number, const CanFrame& frame) {
   if (!pdo.is_synchronous() || !keep_for_sync(number, frame)) {
     joints_.take_input(pdo, frame, now_us_);
   }
+}
+
+bool Node::is_whole(std::size_t number, const CanFrame& frame) {
+  constexpr std::size_t kSource = 1;  // 0: the targets, whose end the joint path decides
+  const std::uint32_t bit = 1U << number;
+  if (frame.len < pdos_.rpdo(number).mapping.length) {
+    short_rpdos_ |= bit;
+    joints_.note_malformed();
+    emcy_.raise(Condition::kPdoLength, frame.id, kSource);
+    return false;
+  }
+  if (short_rpdos_ == bit) emcy_.clear(Condition::kPdoLength, kSource);
+  short_rpdos_ &= ~bit;
+  return true;
 }
 
 bool Node::keep_for_sync(std::size_t number, const CanFrame& frame) {
@@ -320,7 +353,7 @@ bool Node::keep_for_sync(std::size_t number, const CanFrame& frame) {
 void Node::outputs_are_fresh() {
   if (mode() != Mode::kOffset) return;
   const std::uint32_t refused =
-      tpdos_.on_fresh_outputs(parts_.upstream, now_us_, joints_.is_leaving());
+      tpdos_.on_fresh_outputs(parts_.upstream, joints_.last_cycle(), now_us_, joints_.is_leaving());
   joints_.note_offsets(refused, tpdos_.unsent(), now_us_);
 }
 

@@ -105,6 +105,8 @@ class Node final : private ObjectHooks, private DriveGuard {
   void note_nmt_command(std::uint8_t command);
   void handle_heartbeat(const CanFrame& frame);
   void handle_rpdo(std::size_t number, const CanFrame& frame);
+  // Whether a frame is as long as its mapping; reports and counts one that is not.
+  bool is_whole(std::size_t number, const CanFrame& frame);
   // Keeps the newest frame of each synchronous input; false if there is no room.
   bool keep_for_sync(std::size_t number, const CanFrame& frame);
   bool holds_correction() const;
@@ -119,7 +121,8 @@ class Node final : private ObjectHooks, private DriveGuard {
   // the drives' offsets are zero.
   void carry_out();
   void watch_sdo_targets(const CanFrame& frame);
-  void forward(CanPort& to, const CanFrame& frame, Forwarding& from);
+  // Passes a frame on to the drives' bus.
+  void to_drives(const CanFrame& frame);
   void communication_error();
   void watch_buses();
   void note_nmt_state();
@@ -165,7 +168,7 @@ class Node final : private ObjectHooks, private DriveGuard {
   std::uint64_t drives_heard_us_ = 0;  // last frame from downstream
   bool has_heard_drives_ = false;
   std::uint32_t sdo_targets_ = 0;
-  std::size_t short_rpdo_ = kRpdos;  // RPDO whose last frame was too short; kRpdos: none
+  std::uint32_t short_rpdos_ = 0;  // bit r: the last frame of RPDO r was too short; no targets
   Latency sync_latency_;
   Latency sync_jitter_;  // difference to the latency of the SYNC before
   std::uint32_t last_sync_latency_us_ = 0;

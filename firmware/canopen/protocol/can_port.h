@@ -4,6 +4,7 @@
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_CAN_PORT_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_CAN_PORT_H_
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
@@ -48,8 +49,37 @@ struct BusCounters {
   std::uint32_t received = 0;
   std::uint32_t sent = 0;
   std::uint32_t receive_overruns = 0;  // frames lost because they were not read in time
-  std::uint32_t send_refused = 0;      // send() calls that found the queue full or the bus off
+  std::uint32_t send_refused = 0;      // send() calls that found the queue full or the bus off,
+                                       // and commands discarded
   std::uint32_t bus_off_entries = 0;
+};
+
+// A command to drives as its sender knows it: the axes (bit k: axis k) whose targets or offsets it
+// carries, and the cycle that computed them, modulo 256.
+struct Command {
+  std::uint8_t axes = 0;
+  std::uint8_t cycle = 0;
+};
+
+// Outputs that ports discarded: for each axis in `axes`, the cycle of the oldest one.
+struct Discarded {
+  std::uint8_t axes = 0;
+  std::array<std::uint8_t, 8> cycle = {};
+
+  void note(Command command) {
+    for (std::size_t k = 0; k < cycle.size(); ++k) {
+      if ((command.axes >> k & 1U) == 0) continue;
+      const auto older = static_cast<std::int8_t>(command.cycle - cycle[k]);
+      if ((axes >> k & 1U) == 0 || older < 0) cycle[k] = command.cycle;
+    }
+    axes |= command.axes;
+  }
+};
+
+// Running counts of commands; they wrap.
+struct CommandCounts {
+  std::uint32_t accepted = 0;
+  std::uint32_t gone = 0;  // of those, left or discarded
 };
 
 // A CAN controller. No call blocks, allocates or throws. Frames with equal identifiers leave in the
@@ -60,7 +90,21 @@ class CanPort {
   // Queues a frame for transmission. Returns false, having queued nothing, if the queue is full,
   // the controller is bus-off, or the frame is one that this controller cannot send (FD on a
   // classic controller, invalid length). The caller decides whether to try again.
-  virtual bool send(const CanFrame& frame) = 0;
+  bool send(const CanFrame& frame) { return queue(frame, nullptr); }
+
+  // The same with a frame that drives act on. It may leave until discard_commands() withdraws it:
+  // BusWatch does so before it is older than its limit.
+  bool send_command(const CanFrame& frame, Command command) {
+    const bool is_accepted = queue(frame, &command);
+    if (is_accepted) ++commands_accepted_;
+    return is_accepted;
+  }
+
+  CommandCounts commands() const { return {commands_accepted_, commands_gone_}; }
+
+  // Discards the commands that have not left, and notes them in `discarded`; other frames stay. One
+  // that is on the wire at this moment may still leave.
+  virtual void discard_commands(Discarded& discarded) = 0;
 
   // Takes the oldest received frame. Returns false if there is none; `frame` is then unchanged.
   virtual bool receive(CanFrame& frame) = 0;
@@ -76,8 +120,9 @@ class CanPort {
   virtual BusState bus_state() = 0;
 
   // Begins the recovery from bus-off (the 128 × 11 recessive bits run in hardware). Discards what
-  // was queued for transmission, because targets are stale after bus-off. No effect otherwise.
-  // bus_state() leaves kBusOff when the controller takes part in traffic again.
+  // is queued for transmission; call discard_commands() before it. No effect otherwise, nor
+  // while a recovery runs: the node calls it until it succeeds. bus_state() leaves kBusOff when the
+  // controller takes part in traffic again.
   virtual void recover() = 0;
 
   virtual BusCounters counters() const = 0;
@@ -86,9 +131,18 @@ class CanPort {
   virtual bool supports_fd() const { return false; }
 
  protected:
+  // Implements send() and send_command(). `command`: nullptr for other frames; not kept.
+  virtual bool queue(const CanFrame& frame, const Command* command) = 0;
+  // A command has left or was discarded. May be called by the driver's interrupt.
+  void note_command_gone() { commands_gone_ = commands_gone_ + 1; }
+
   // Ports are static objects and never deleted through this type: a virtual destructor would pull
   // operator delete into a heap-free image.
   ~CanPort() = default;
+
+ private:
+  std::uint32_t commands_accepted_ = 0;
+  volatile std::uint32_t commands_gone_ = 0;  // written by interrupts
 };
 
 }  // namespace armtrue::canopen

@@ -29,8 +29,10 @@ void TpdoProducer::sample(const Pdo& pdo, CanFrame& frame) {
 }
 
 bool TpdoProducer::transmit(CanPort& port, std::size_t number, const CanFrame& frame,
-                            std::uint64_t now_us) {
-  if (!port.send(frame)) return false;
+                            std::uint64_t now_us, std::uint32_t cycle) {
+  const auto axes = static_cast<std::uint8_t>(offset_axes(number));
+  const Command command = {axes, static_cast<std::uint8_t>(cycle)};
+  if (!(axes != 0 ? port.send_command(frame, command) : port.send(frame))) return false;
   Schedule& schedule = schedules_[number];
   schedule.last = frame;
   schedule.has_last = true;
@@ -43,7 +45,8 @@ bool TpdoProducer::transmit(CanPort& port, std::size_t number, const CanFrame& f
   return true;
 }
 
-std::uint32_t TpdoProducer::on_fresh_outputs(CanPort& port, std::uint64_t now_us, bool at_once) {
+std::uint32_t TpdoProducer::on_fresh_outputs(CanPort& port, std::uint32_t cycle,
+                                             std::uint64_t now_us, bool at_once) {
   std::uint32_t refused = 0;
   for (std::size_t k = 0; k < kTpdos; ++k) {
     const Pdo& pdo = pdos_.tpdo(k);
@@ -52,7 +55,7 @@ std::uint32_t TpdoProducer::on_fresh_outputs(CanPort& port, std::uint64_t now_us
     if (pdo.is_synchronous() && !at_once) continue;
     CanFrame frame;
     sample_tpdo(dictionary_, pdo, frame);
-    if (!transmit(port, k, frame, now_us)) ++refused;
+    if (!transmit(port, k, frame, now_us, cycle)) ++refused;
   }
   return refused;
 }
@@ -75,7 +78,8 @@ bool TpdoProducer::is_due_on_sync(std::size_t number, std::uint8_t counter) {
   return true;
 }
 
-std::uint32_t TpdoProducer::on_sync(CanPort& port, std::uint8_t counter, std::uint64_t now_us) {
+std::uint32_t TpdoProducer::on_sync(CanPort& port, std::uint8_t counter, std::uint32_t cycle,
+                                    std::uint64_t now_us) {
   std::uint32_t refused = 0;
   for (std::size_t k = 0; k < kTpdos; ++k) {
     const Pdo& pdo = pdos_.tpdo(k);
@@ -86,7 +90,7 @@ std::uint32_t TpdoProducer::on_sync(CanPort& port, std::uint8_t counter, std::ui
     sample(pdo, frame);
     const bool unchanged = schedules_[k].has_last && same(schedules_[k].last, frame);
     if (pdo.transmission == kAcyclicSync && !joint && unchanged) continue;
-    if (!transmit(port, k, frame, now_us) && joint) ++refused;
+    if (!transmit(port, k, frame, now_us, cycle) && joint) ++refused;
   }
   return refused;
 }
@@ -94,8 +98,7 @@ std::uint32_t TpdoProducer::on_sync(CanPort& port, std::uint8_t counter, std::ui
 std::uint32_t TpdoProducer::unsent() const {
   std::uint32_t axes = 0;
   for (std::size_t k = 0; k < kTpdos; ++k) {
-    const std::span<const Pdo> one = pdos_.tpdos().subspan(k, 1);
-    if (schedules_[k].fresh) axes |= mapped_axes(one, kPositionOffset);
+    if (schedules_[k].fresh) axes |= offset_axes(k);
   }
   return axes;
 }

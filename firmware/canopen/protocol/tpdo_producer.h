@@ -24,13 +24,15 @@ class TpdoProducer {
   void restart(std::uint64_t now_us);
 
   // Sends the joint outputs of a new correction; synchronous ones wait for SYNC unless `at_once`,
-  // because the node may have left operational when it comes. Returns how many joint outputs the
-  // port refused.
-  std::uint32_t on_fresh_outputs(CanPort& port, std::uint64_t now_us, bool at_once);
+  // because the node may have left operational when it comes. `cycle` computed the correction.
+  // Returns how many joint outputs the port refused.
+  std::uint32_t on_fresh_outputs(CanPort& port, std::uint32_t cycle, std::uint64_t now_us,
+                                 bool at_once);
 
-  // Sends what is due on SYNC. `counter`: of the SYNC frame, 0 if it carries none. Returns how many
-  // joint outputs the port refused.
-  std::uint32_t on_sync(CanPort& port, std::uint8_t counter, std::uint64_t now_us);
+  // Sends what is due on SYNC. `counter`: of the SYNC frame, 0 if it carries none. `cycle`: the
+  // last one whose correction is out. Returns how many joint outputs the port refused.
+  std::uint32_t on_sync(CanPort& port, std::uint8_t counter, std::uint32_t cycle,
+                        std::uint64_t now_us);
 
   // Bit k: the newest offset of axis k has not left, because it waits for SYNC or was refused.
   std::uint32_t unsent() const;
@@ -50,7 +52,11 @@ class TpdoProducer {
   };
 
   void sample(const Pdo& pdo, CanFrame& frame);
-  bool transmit(CanPort& port, std::size_t number, const CanFrame& frame, std::uint64_t now_us);
+  bool transmit(CanPort& port, std::size_t number, const CanFrame& frame, std::uint64_t now_us,
+                std::uint32_t cycle = 0);
+  std::uint32_t offset_axes(std::size_t number) const {
+    return mapped_axes(pdos_.tpdos().subspan(number, 1), kPositionOffset);
+  }
   bool is_due_on_sync(std::size_t number, std::uint8_t counter);
 
   ObjectDictionary& dictionary_;

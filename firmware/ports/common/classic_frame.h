@@ -16,15 +16,21 @@ namespace armtrue::ports {
 
 // A classic frame in 16 bytes instead of the 72 of a CanFrame.
 struct ClassicFrame {
+  static constexpr std::uint8_t kCommandFlag = 1U << 7;  // in `flags`: `command` is valid
   std::uint32_t id = 0;
   std::uint8_t flags = 0;
   std::uint8_t len = 0;
   std::array<std::uint8_t, canopen::kClassicPayload> data = {};
+  canopen::Command command = {};
 
-  // `frame` must be a classic frame with at most eight bytes.
-  static ClassicFrame from(const canopen::CanFrame& frame) {
-    ClassicFrame classic{frame.id, frame.flags, frame.len, {}};
+  // `frame` must be a classic frame with at most eight bytes. `command`: nullptr for other frames.
+  static ClassicFrame from(const canopen::CanFrame& frame, const canopen::Command* command) {
+    ClassicFrame classic{frame.id, frame.flags, frame.len, {}, {}};
     std::copy_n(frame.data, frame.len, classic.data.begin());
+    if (command != nullptr) {
+      classic.flags |= kCommandFlag;
+      classic.command = *command;
+    }
     return classic;
   }
 
@@ -36,6 +42,7 @@ struct ClassicFrame {
   }
 
   bool is(canopen::FrameFlags flag) const { return (flags & flag) != 0; }
+  bool is_command() const { return (flags & kCommandFlag) != 0; }
 
   // The payload as two little-endian words.
   std::array<std::uint32_t, 2> words() const {
@@ -48,6 +55,8 @@ struct ClassicFrame {
     canopen::store_le(&data[4], words[1]);
   }
 };
+
+static_assert(sizeof(ClassicFrame) == 16);
 
 // Whether a classic controller can send this frame as it is.
 inline bool is_classic(const canopen::CanFrame& frame) {

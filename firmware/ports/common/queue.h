@@ -24,6 +24,21 @@ class Queue {
     return true;
   }
 
+  // Removes the items for which `is_over` is true. The others keep their order.
+  template <typename Predicate>
+  void erase_if(const Predicate& is_over) {
+    std::uint32_t kept = tail_;
+    for (std::uint32_t at = tail_; at != head_; ++at) {
+      if (is_over(items_[at % kCapacity])) continue;
+      items_[kept++ % kCapacity] = items_[at % kCapacity];
+    }
+    head_ = kept;
+  }
+
+  std::size_t size() const { return head_ - tail_; }
+  // The item before which `place` others leave, less than size().
+  const T& operator[](std::size_t place) const { return items_[(tail_ + place) % kCapacity]; }
+
   // False where the queue is empty.
   bool pop(T& item) {
     if (empty()) return false;

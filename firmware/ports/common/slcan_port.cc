@@ -72,7 +72,7 @@ void append_hex(std::uint32_t value, std::size_t digits, std::uint8_t*& to) {
 
 }  // namespace
 
-bool SlcanPort::send(const canopen::CanFrame& frame) {
+bool SlcanPort::queue(const canopen::CanFrame& frame, const canopen::Command* command) {
   std::array<std::uint8_t, kLongestLine + 1> text;
   std::uint8_t* to = text.data();
   if (channel_ != Channel::kClosed && is_classic(frame)) {
@@ -95,6 +95,7 @@ bool SlcanPort::send(const canopen::CanFrame& frame) {
   }
   stream_.write(std::span(text).first(size));
   count(counters_.sent);
+  if (command != nullptr) note_command_gone();
   return true;
 }
 

@@ -26,13 +26,17 @@ class SlcanPort final : public canopen::CanPort {
   // `stream` is not owned and must outlive the port.
   explicit SlcanPort(ByteStream& stream) : stream_(stream) {}
 
-  // Refuses frames while the other side has closed the channel.
-  bool send(const canopen::CanFrame& frame) override;
+  // The line takes what is written, whether or not somebody listens: no command ever waits.
+  void discard_commands(canopen::Discarded&) override {}
   bool receive(canopen::CanFrame& frame) override;
   // A serial line is point-to-point and never bus-off.
   canopen::BusState bus_state() override { return canopen::BusState::kActive; }
   void recover() override {}
   canopen::BusCounters counters() const override { return counters_; }
+
+ protected:
+  // Refuses frames while the other side has closed the channel.
+  bool queue(const canopen::CanFrame& frame, const canopen::Command* command) override;
 
  private:
   enum class Channel : std::uint8_t { kClosed, kOpen, kListening };

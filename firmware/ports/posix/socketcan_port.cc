@@ -1,7 +1,6 @@
 #include "firmware/ports/posix/socketcan_port.h"
 
 #include <fcntl.h>
-#include <linux/can.h>
 #include <linux/can/error.h>
 #include <linux/can/raw.h>
 #include <net/if.h>
@@ -12,6 +11,7 @@
 #include <cerrno>
 #include <charconv>
 #include <cstring>
+#include <ctime>
 #include <string_view>
 
 #include "firmware/core/fixed/counter.h"
@@ -21,6 +21,13 @@ namespace {
 
 using canopen::BusState;
 using canopen::CanFrame;
+
+std::uint64_t host_us() {
+  timespec time = {};
+  clock_gettime(CLOCK_MONOTONIC, &time);
+  return static_cast<std::uint64_t>(time.tv_sec) * 1'000'000U +
+         static_cast<std::uint64_t>(time.tv_nsec) / 1000U;
+}
 
 }  // namespace
 
@@ -70,6 +77,7 @@ std::string SocketCanPort::open(const std::string& interface) {
   const can_err_mask_t errors = CAN_ERR_CRTL | CAN_ERR_BUSOFF | CAN_ERR_RESTARTED;
   setsockopt(socket_, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors);
   setsockopt(socket_, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
+  confirms_ = setsockopt(socket_, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on) == 0;
   sockaddr_can address = {};
   address.can_family = AF_CAN;
   address.can_ifindex = index;
@@ -79,34 +87,109 @@ std::string SocketCanPort::open(const std::string& interface) {
   return "";
 }
 
-bool SocketCanPort::send(const CanFrame& frame) {
-  canfd_frame raw = {};
+bool SocketCanPort::queue(const CanFrame& frame, const canopen::Command* command) {
   const bool fd = frame.is(canopen::kFrameFd);
   const std::size_t room = fd ? canopen::kFdPayload : canopen::kClassicPayload;
   const bool possible = frame.len <= room && (!fd || canopen::is_valid_fd_length(frame.len)) &&
                         (!fd || supports_fd_) && state_ != BusState::kBusOff;
-  if (!possible) {
-    count(counters_.send_refused);
-    return false;
-  }
+  const bool is_held_up =
+      command != nullptr && no_command_until_us_ != 0 && host_us() < no_command_until_us_;
+  Waiting item;
+  canfd_frame& raw = item.frame;
   raw.can_id = frame.id;
   if (frame.is(canopen::kFrameExtended)) raw.can_id |= CAN_EFF_FLAG;
   if (frame.is(canopen::kFrameRemote)) raw.can_id |= CAN_RTR_FLAG;
   raw.len = frame.len;
-  if (frame.is(canopen::kFrameBitRateSwitch)) raw.flags |= CANFD_BRS;
-  if (frame.is(canopen::kFrameErrorState)) raw.flags |= CANFD_ESI;
-  if (!fd) raw.flags = 0;
-  std::memcpy(raw.data, frame.data, frame.len);
-  const std::size_t size = fd ? CANFD_MTU : CAN_MTU;
-  if (write(socket_, &raw, size) != static_cast<ssize_t>(size)) {
+  if (fd && frame.is(canopen::kFrameBitRateSwitch)) raw.flags |= CANFD_BRS;
+  if (fd && frame.is(canopen::kFrameErrorState)) raw.flags |= CANFD_ESI;
+  item.size = fd ? CANFD_MTU : CAN_MTU;
+  if (command != nullptr) item.command = *command;
+  if (possible) std::memcpy(raw.data, frame.data, frame.len);
+  if (!possible || is_held_up || !to_send_.push(item)) {
     count(counters_.send_refused);
     return false;
   }
+  if (hand_over() || in_kernel_ == to_send_.size()) return true;
+  std::size_t place = 0;
+  to_send_.erase_if([&](const Waiting&) { return ++place == to_send_.size(); });
+  count(counters_.send_refused);
+  return false;
+}
+
+// Gives the kernel the oldest frames. If it has no room, it is asked again with the next frame and
+// in every turn of the loop. False if it takes none, because the link is down.
+bool SocketCanPort::hand_over() {
+  while (in_kernel_ < kInKernel && in_kernel_ < to_send_.size()) {
+    const Waiting& item = to_send_[in_kernel_];
+    if (write(socket_, &item.frame, item.size) != item.size) {
+      return errno == EAGAIN || errno == ENOBUFS;
+    }
+    if (in_kernel_ == 0) oldest_handed_over_us_ = host_us();
+    ++in_kernel_;
+    if (!confirms_) note_sent();
+  }
+  return true;
+}
+
+void SocketCanPort::note_sent() {
+  Waiting sent;
+  if (in_kernel_ == 0 || !to_send_.pop(sent)) return;
+  --in_kernel_;
+  if (in_kernel_ > 0) oldest_handed_over_us_ = host_us();
   count(counters_.sent);
+  if (sent.command) note_command_gone();
+}
+
+void SocketCanPort::discard_commands(canopen::Discarded& discarded) {
+  bool holds_command = false;
+  for (std::size_t k = 0; k < in_kernel_; ++k) holds_command |= to_send_[k].command.has_value();
+  holds_command = holds_command && is_stuck();
+  const bool is_recalled = holds_command && may_restart_link_ && restart_link();
+  // A frame that the kernel keeps is not discarded: it leaves when the bus takes it.
+  const std::size_t kept = is_recalled ? 0 : in_kernel_;
+  if (is_recalled) {
+    in_kernel_ = 0;
+    no_command_until_us_ = host_us() + kAttemptUs;
+  } else {
+    may_restart_link_ = may_restart_link_ && !holds_command;
+  }
+  std::size_t place = 0;
+  to_send_.erase_if([&](const Waiting& item) {
+    if (place++ < kept || !item.command) return false;
+    discarded.note(*item.command);
+    note_command_gone();
+    count(counters_.send_refused);
+    return true;
+  });
+}
+
+// Whether it is the bus that takes nothing. If this process was late, a confirmation may be unread,
+// or the oldest frame may have come to the kernel only now.
+bool SocketCanPort::is_stuck() const {
+  std::uint8_t unused = 0;
+  const bool is_all_read = recv(socket_, &unused, sizeof unused, MSG_PEEK) < 0;
+  return is_all_read && host_us() - oldest_handed_over_us_ >= kStuckUs;
+}
+
+// Taking the link down empties the queues of the kernel and of the controller.
+bool SocketCanPort::restart_link() {
+  ifreq request = {};
+  std::memcpy(request.ifr_name, interface_.data(), interface_.size());
+  if (ioctl(socket_, SIOCGIFFLAGS, &request) < 0) return false;
+  const auto up = request.ifr_flags;
+  request.ifr_flags = static_cast<short>(up & ~IFF_UP);
+  if (ioctl(socket_, SIOCSIFFLAGS, &request) < 0) return false;
+  request.ifr_flags = up;
+  if (ioctl(socket_, SIOCSIFFLAGS, &request) < 0) return false;
+  int error = 0;  // the socket's, from taking the link down
+  socklen_t length = sizeof error;
+  getsockopt(socket_, SOL_SOCKET, SO_ERROR, &error, &length);
+  link_was_down_ = true;
   return true;
 }
 
 bool SocketCanPort::receive(CanFrame& frame) {
+  hand_over();
   for (;;) {
     canfd_frame raw = {};
     iovec piece = {&raw, sizeof raw};
@@ -117,7 +200,10 @@ bool SocketCanPort::receive(CanFrame& frame) {
     message.msg_control = control;
     message.msg_controllen = sizeof control;
     const ssize_t size = recvmsg(socket_, &message, 0);
-    if (size < 0 && errno == ENETDOWN) link_was_down_ = true;
+    if (size < 0 && errno == ENETDOWN) {
+      link_was_down_ = true;
+      while (in_kernel_ > 0) note_sent();  // lost with the link
+    }
     if (size != CAN_MTU && size != CANFD_MTU) return false;
     for (cmsghdr* item = CMSG_FIRSTHDR(&message); item != nullptr;
          item = CMSG_NXTHDR(&message, item)) {
@@ -126,11 +212,19 @@ bool SocketCanPort::receive(CanFrame& frame) {
       std::memcpy(&drops, CMSG_DATA(item), sizeof drops);
       counters_.receive_overruns += drops - kernel_drops_;
       kernel_drops_ = drops;
+      while (in_kernel_ > 0) note_sent();  // a confirmation may be among what was dropped
+    }
+    if ((message.msg_flags & MSG_CONFIRM) != 0) {
+      no_command_until_us_ = 0;
+      note_sent();
+      hand_over();
+      continue;
     }
     if ((raw.can_id & CAN_ERR_FLAG) != 0) {
       take_error_frame(raw.can_id & CAN_ERR_MASK, raw.data);
       continue;
     }
+    no_command_until_us_ = 0;  // somebody is there
     CanFrame taken;
     const bool extended = (raw.can_id & CAN_EFF_FLAG) != 0;
     taken.id = raw.can_id & (extended ? CAN_EFF_MASK : CAN_SFF_MASK);

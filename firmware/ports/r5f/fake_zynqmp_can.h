@@ -18,13 +18,15 @@ class FakeZynqMpCan {
  public:
   static constexpr std::size_t kFifo = 64;
   bool is_present = true;
+  // Set: the bus carries no eleven recessive bits, so that the controller cannot leave its
+  // configuration mode.
+  bool is_bus_dominant = false;
 
   std::uint32_t read(std::uint32_t offset) const {
     if (!is_present) return 0;
     switch (offset) {
       case zynqmp_can::kSr:
-        return (is_enabled_ ? 0 : zynqmp_can::kSrConfiguration) | error_state_ |
-               (to_send_.size() >= kFifo ? zynqmp_can::kSrTransmitFull : 0);
+        return (takes_part() ? 0 : zynqmp_can::kSrConfiguration) | error_state_;
       case zynqmp_can::kIsr:
         return causes_ | (received_.empty() ? 0 : zynqmp_can::kIrqReceiveNotEmpty);
       case zynqmp_can::kRxFifoId:
@@ -54,9 +56,10 @@ class FakeZynqMpCan {
 
   // The bus takes the oldest frame. False if there is none or the controller is not enabled.
   bool transmit_one() {
-    if (to_send_.empty() || !is_enabled_) return false;
+    if (to_send_.empty() || !takes_part()) return false;
     sent.push_back(to_send_.front());
     to_send_.pop_front();
+    causes_ |= zynqmp_can::kIrqTransmitOk;
     return true;
   }
 
@@ -82,6 +85,8 @@ class FakeZynqMpCan {
   std::vector<FifoWords> sent;
 
  private:
+  bool takes_part() const { return is_enabled_ && !is_bus_dominant; }
+
   static std::uint32_t& word_of(FifoWords& frame, std::uint32_t index) {
     return *std::array{&frame.id, &frame.dlc, &frame.data1, &frame.data2}[index];
   }

@@ -107,7 +107,7 @@ int main() {
   reset_log().start(ports::ResetCause::kUnknown);
   start_clock();
   if (!can0.start(kTiming) || !can1.start(kTiming)) {
-    print("armtrue: a CAN controller does not leave its configuration mode\r\n");
+    print("armtrue: a CAN controller does not answer its reset\r\n");
     return 1;
   }
   table_flash.start();

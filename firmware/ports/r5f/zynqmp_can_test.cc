@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "firmware/ports/r5f/fake_zynqmp_can.h"
+#include "firmware/testing/driver_bench.h"
 #include "firmware/testing/simulated_port.h"
 
 namespace armtrue::r5f {
@@ -74,6 +75,11 @@ class ZynqMpCanTest : public testing::Test {
     while (fake_.is_requesting()) can_.on_interrupt();
   }
 
+  // Runs the hardware and its interrupt until nothing is left to send.
+  void drain() {
+    while (fake_.transmit_one()) run_interrupts();
+  }
+
   static FifoWords words_of(std::uint32_t id, std::uint32_t data1 = 0) {
     return {id << 21, 4U << 28, data1, 0};
   }
@@ -101,8 +107,7 @@ TEST(ZynqMpCanStart, Start_WithoutAController_Fails) {
 
 TEST_F(ZynqMpCanTest, FramesLeaveInTheOrderInWhichTheyWereQueued) {
   for (std::uint8_t i = 0; i < 50; ++i) ASSERT_TRUE(can_.send(counting_frame(0x700U - i, i)));
-  while (fake_.transmit_one()) {
-  }
+  drain();
   ASSERT_EQ(fake_.sent.size(), 50U);
   for (std::uint8_t i = 0; i < 50; ++i) EXPECT_EQ(fake_.sent[i].data1 >> 24, i);
   EXPECT_EQ(can_.counters().sent, 50U);
@@ -124,6 +129,104 @@ TEST_F(ZynqMpCanTest, FrameThatIsNotClassicCan_IsRefused) {
   EXPECT_FALSE(can_.send(counting_frame(0x800, 0)));
   EXPECT_EQ(can_.counters().send_refused, 2U);
   EXPECT_FALSE(fake_.transmit_one());
+}
+
+TEST_F(ZynqMpCanTest, DiscardCommands_TakesTheOldestBackFromTheController) {
+  ASSERT_TRUE(can_.send_command(counting_frame(0x220, 1), {0x01, 7}));
+  ASSERT_TRUE(can_.send(counting_frame(0x5A0, 2)));
+  ASSERT_TRUE(can_.send_command(counting_frame(0x220, 3), {0x01, 8}));
+  fake_.set_error_state(zynqmp_can::kSrPassive);
+  fake_.deliver(words_of(0x123));
+  canopen::Discarded discarded;
+  can_.discard_commands(discarded);
+  EXPECT_EQ(discarded.axes, 0x01);
+  EXPECT_EQ(discarded.cycle[0], 7);
+  EXPECT_EQ(can_.commands().gone, 2U);
+  EXPECT_EQ(can_.counters().send_refused, 2U);
+  CanFrame frame;
+  EXPECT_TRUE(can_.receive(frame)) << "arrived before the reset";
+  can_.bus_state();
+  drain();
+  ASSERT_EQ(fake_.sent.size(), 1U);
+  EXPECT_EQ(fake_.sent[0].id, 0x5A0U << 21);
+}
+
+TEST_F(ZynqMpCanTest, DiscardCommands_StaysPassiveUntilAFrameLeaves) {
+  ASSERT_TRUE(can_.send_command(counting_frame(0x220, 1), {}));
+  fake_.set_error_state(zynqmp_can::kSrPassive);
+  canopen::Discarded discarded;
+  can_.discard_commands(discarded);
+  EXPECT_EQ(can_.bus_state(), BusState::kPassive) << "the reset has cleared the error counters";
+  ASSERT_TRUE(can_.send(counting_frame(0x5A0, 2)));
+  EXPECT_EQ(can_.bus_state(), BusState::kPassive);
+  drain();
+  EXPECT_EQ(can_.bus_state(), BusState::kActive);
+}
+
+TEST_F(ZynqMpCanTest, DiscardCommands_BehindAnotherFrame_ResetsNothing) {
+  ASSERT_TRUE(can_.send(counting_frame(0x5A0, 2)));
+  ASSERT_TRUE(can_.send_command(counting_frame(0x220, 1), {}));
+  fake_.set_error_state(zynqmp_can::kSrWarning);
+  canopen::Discarded discarded;
+  can_.discard_commands(discarded);
+  EXPECT_EQ(can_.commands().gone, 1U);
+  EXPECT_EQ(can_.bus_state(), BusState::kWarning) << "a reset would clear it";
+  drain();
+  EXPECT_EQ(fake_.sent.size(), 1U);
+}
+
+TEST_F(ZynqMpCanTest, DiscardCommands_OnADominantBus_SendsTheRestWhenItIsFree) {
+  ASSERT_TRUE(can_.send_command(counting_frame(0x220, 1), {}));
+  ASSERT_TRUE(can_.send(counting_frame(0x5A0, 2)));
+  fake_.is_bus_dominant = true;
+  canopen::Discarded discarded;
+  can_.discard_commands(discarded);
+  can_.bus_state();
+  EXPECT_FALSE(fake_.transmit_one());
+  fake_.is_bus_dominant = false;
+  can_.bus_state();
+  drain();
+  ASSERT_EQ(fake_.sent.size(), 1U);
+  EXPECT_EQ(fake_.sent[0].id, 0x5A0U << 21);
+}
+
+TEST_F(ZynqMpCanTest, CommandThatHasLeft_IsNotDiscarded) {
+  ASSERT_TRUE(can_.send_command(counting_frame(0x220, 1), {0x01, 7}));
+  ASSERT_TRUE(fake_.transmit_one());
+  canopen::Discarded discarded;
+  can_.discard_commands(discarded);
+  EXPECT_EQ(discarded.axes, 0);
+  EXPECT_EQ(can_.commands().gone, 1U);
+}
+
+// As on bxCAN (stale_commands_test.cc): 5 s without acknowledgement.
+TEST_F(ZynqMpCanTest, BusWithoutAcknowledgement_SendsNoOldTargetOnItsReturn) {
+  constexpr std::int32_t kPerCycle = 100;
+  canopen::DriverBench bench(can_);
+  std::int32_t target = 100'000;
+  for (int k = 0; k < 100; ++k, target += kPerCycle) {
+    bench.cycle(target);
+    drain();
+  }
+  fake_.set_error_state(zynqmp_can::kSrPassive);
+  for (int k = 0; k < 5000; ++k, target += kPerCycle) bench.cycle(target);
+  fake_.sent.clear();
+  drain();
+  std::size_t targets = 0;
+  for (const FifoWords& words : fake_.sent) {
+    const ports::ClassicFrame frame = from_fifo(words, FifoLayout::kHardware);
+    if (frame.id == canopen::DriverBench::kSync) continue;
+    ++targets;
+    const std::int32_t age = target - static_cast<std::int32_t>(frame.words()[0]);
+    EXPECT_LE(age / kPerCycle, 21) << "cycles, a millisecond each";
+  }
+  EXPECT_LE(targets, 3U) << "one set";
+  const std::uint32_t sets = bench.counters().sets;
+  for (int k = 0; k < 10; ++k, target += kPerCycle) {
+    bench.cycle(target);
+    drain();
+  }
+  EXPECT_GE(bench.counters().sets, sets + 9) << "the stream goes on";
 }
 
 TEST_F(ZynqMpCanTest, ReceivesInOrder) {
@@ -191,14 +294,37 @@ TEST_F(ZynqMpCanTest, BusOff_LastsUntilRecovery_DiscardsTheQueue) {
   EXPECT_EQ(can_.bus_state(), BusState::kActive);
   EXPECT_TRUE(fake_.is_enabled());
   ASSERT_TRUE(can_.send(counting_frame(0x201, 0)));
-  while (fake_.transmit_one()) {
-  }
+  drain();
   ASSERT_EQ(fake_.sent.size(), 1U);
   EXPECT_EQ(fake_.sent[0].id, 0x201U << 21);
   fake_.deliver(words_of(0x123));
   run_interrupts();
   CanFrame frame;
   EXPECT_TRUE(can_.receive(frame)) << "and receives again";
+}
+
+TEST_F(ZynqMpCanTest, BusStillDominantAtRecovery_JoinsWhenItIsFree) {
+  fake_.set_error_state(zynqmp_can::kSrBusOff);
+  run_interrupts();
+  fake_.is_bus_dominant = true;
+  can_.recover();
+  EXPECT_EQ(can_.bus_state(), BusState::kBusOff);
+  EXPECT_FALSE(can_.send(counting_frame(0x200, 0)));
+  fake_.is_bus_dominant = false;
+  EXPECT_EQ(can_.bus_state(), BusState::kActive);
+  EXPECT_TRUE(can_.send(counting_frame(0x200, 0)));
+  EXPECT_TRUE(fake_.transmit_one());
+}
+
+TEST(ZynqMpCanStart, Start_OnADominantBus_JoinsWhenItIsFree) {
+  FakeZynqMpCan fake;
+  fake.is_bus_dominant = true;
+  ZynqMpCan<FakeZynqMpCan> can(fake, FifoLayout::kHardware);
+  EXPECT_TRUE(can.start(kTiming));
+  fake.is_bus_dominant = false;
+  EXPECT_EQ(can.bus_state(), BusState::kActive);
+  EXPECT_TRUE(can.send(counting_frame(0x200, 0)));
+  EXPECT_TRUE(fake.transmit_one());
 }
 
 TEST_F(ZynqMpCanTest, RecoveryWithoutBusOffHasNoEffect) {

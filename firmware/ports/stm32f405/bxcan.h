@@ -1,15 +1,16 @@
 // bxCAN, the CAN controller of the STM32F405 (ST RM0090, section 32).
 //
 // A queue of 32 frames feeds the three mailboxes. Frames leave in the order in which they were
-// queued (TXFP), whatever their identifiers. Received frames wait in a queue of 32 behind the three
-// places of FIFO 0. Bus-off ends only through recover() (ABOM is off), so that the node decides
-// about it.
+// queued (TXFP), whatever their identifiers; commands can be withdrawn from both. Received frames
+// wait in a queue of 32 behind the three places of FIFO 0. Bus-off ends only through recover()
+// (ABOM is off), so that the node decides about it.
 #ifndef ARMTRUE_FIRMWARE_PORTS_STM32F405_BXCAN_H_
 #define ARMTRUE_FIRMWARE_PORTS_STM32F405_BXCAN_H_
 
 #include <array>
 #include <cstdint>
 #include <initializer_list>
+#include <optional>
 
 #include "firmware/canopen/protocol/can_port.h"
 #include "firmware/core/fixed/counter.h"
@@ -106,7 +107,7 @@ class BxCan final : public canopen::CanPort {
   // or `timing` has prescaler 0; the bus may be silent or absent.
   bool start(const ports::BitTiming& timing);
 
-  bool send(const canopen::CanFrame& frame) override;
+  void discard_commands(canopen::Discarded& discarded) override;
   bool receive(canopen::CanFrame& frame) override { return ports::take_received(received_, frame); }
   // True if frames wait for a mailbox. Needs no lock: an interrupt only makes the answer outdated.
   bool has_backlog() override { return !to_send_.empty(); }
@@ -120,17 +121,21 @@ class BxCan final : public canopen::CanPort {
   void on_receive_interrupt();
   void on_status_interrupt();
 
+ protected:
+  bool queue(const canopen::CanFrame& frame, const canopen::Command* command) override;
+
  private:
   enum class Recovery : std::uint8_t { kNone, kEntering, kLeaving };
 
-  void fill_mailboxes();
   void load_mailbox(std::uint32_t mailbox, const ports::ClassicFrame& frame);
   ports::ClassicFrame read_fifo() const;
+  void discard(canopen::Command command, canopen::Discarded& discarded);
   bool is_bus_off() const { return (registers_.read(bxcan::kEsr) & bxcan::kEsrBusOff) != 0; }
   void note_bus_off();
 
   Registers& registers_;
   ports::Queue<ports::ClassicFrame, kQueue> to_send_;
+  std::array<std::optional<canopen::Command>, bxcan::kMailboxes> in_mailbox_ = {};
   ports::Queue<ports::ClassicFrame, kQueue> received_;
   canopen::BusCounters counters_;
   Recovery recovery_ = Recovery::kNone;
@@ -155,15 +160,41 @@ bool BxCan<Registers>::start(const ports::BitTiming& timing) {
 }
 
 template <ports::RegisterBlock Registers>
-bool BxCan<Registers>::send(const canopen::CanFrame& frame) {
+bool BxCan<Registers>::queue(const canopen::CanFrame& frame, const canopen::Command* command) {
   const ports::InterruptLock lock;
   if (!ports::is_classic(frame) || recovery_ != Recovery::kNone || is_bus_off() ||
-      !to_send_.push(ports::ClassicFrame::from(frame))) {
+      !to_send_.push(ports::ClassicFrame::from(frame, command))) {
     count(counters_.send_refused);
     return false;
   }
-  fill_mailboxes();
+  on_transmit_interrupt();
   return true;
+}
+
+template <ports::RegisterBlock Registers>
+void BxCan<Registers>::discard(canopen::Command command, canopen::Discarded& discarded) {
+  discarded.note(command);
+  note_command_gone();
+  count(counters_.send_refused);
+}
+
+template <ports::RegisterBlock Registers>
+void BxCan<Registers>::discard_commands(canopen::Discarded& discarded) {
+  const ports::InterruptLock lock;
+  on_transmit_interrupt();  // what has left since is none of them
+  to_send_.erase_if([&](const ports::ClassicFrame& frame) {
+    if (frame.is_command()) discard(frame.command, discarded);
+    return frame.is_command();
+  });
+  std::uint32_t abort = 0;
+  for (std::uint32_t i = 0; i < bxcan::kMailboxes; ++i) {
+    if (!in_mailbox_[i]) continue;
+    discard(*in_mailbox_[i], discarded);
+    in_mailbox_[i].reset();
+    abort |= bxcan::tsr_abort(i);
+  }
+  // Ends a frame on the wire after this attempt (32.7.1). The interrupt then loads the next one.
+  if (abort != 0) registers_.write(bxcan::kTsr, abort);
 }
 
 template <ports::RegisterBlock Registers>
@@ -194,6 +225,8 @@ void BxCan<Registers>::recover() {
   const ports::InterruptLock lock;
   note_bus_off();
   if (recovery_ != Recovery::kNone || !is_bus_off()) return;
+  canopen::Discarded unused;
+  discard_commands(unused);
   to_send_.clear();
   std::uint32_t abort = 0;
   for (std::uint32_t i = 0; i < bxcan::kMailboxes; ++i) abort |= bxcan::tsr_abort(i);
@@ -202,6 +235,8 @@ void BxCan<Registers>::recover() {
   recovery_ = Recovery::kEntering;
 }
 
+// Also called outside the interrupt. A new request clears the completion of the one before, so both
+// come from one reading of the register: a mailbox is loaded only after its completion was noted.
 template <ports::RegisterBlock Registers>
 void BxCan<Registers>::on_transmit_interrupt() {
   const std::uint32_t status = registers_.read(bxcan::kTsr);
@@ -209,10 +244,16 @@ void BxCan<Registers>::on_transmit_interrupt() {
   for (std::uint32_t i = 0; i < bxcan::kMailboxes; ++i) {
     if ((status & bxcan::tsr_completed(i)) == 0) continue;
     completed |= bxcan::tsr_completed(i);
+    if (in_mailbox_[i]) note_command_gone();
+    in_mailbox_[i].reset();
     if ((status & bxcan::tsr_ok(i)) != 0) count(counters_.sent);
   }
-  registers_.write(bxcan::kTsr, completed);  // written ones clear
-  if (recovery_ == Recovery::kNone) fill_mailboxes();
+  if (completed != 0) registers_.write(bxcan::kTsr, completed);  // written ones clear
+  if (recovery_ != Recovery::kNone) return;
+  ports::ClassicFrame frame;
+  for (std::uint32_t i = 0; i < bxcan::kMailboxes; ++i) {
+    if ((status & bxcan::tsr_empty(i)) != 0 && to_send_.pop(frame)) load_mailbox(i, frame);
+  }
 }
 
 template <ports::RegisterBlock Registers>
@@ -239,21 +280,13 @@ void BxCan<Registers>::on_status_interrupt() {
 }
 
 template <ports::RegisterBlock Registers>
-void BxCan<Registers>::fill_mailboxes() {
-  const std::uint32_t status = registers_.read(bxcan::kTsr);
-  ports::ClassicFrame frame;
-  for (std::uint32_t i = 0; i < bxcan::kMailboxes; ++i) {
-    if ((status & bxcan::tsr_empty(i)) != 0 && to_send_.pop(frame)) load_mailbox(i, frame);
-  }
-}
-
-template <ports::RegisterBlock Registers>
 void BxCan<Registers>::load_mailbox(std::uint32_t mailbox, const ports::ClassicFrame& frame) {
   const std::uint32_t base = bxcan::kTransmitMailbox + mailbox * bxcan::kMailboxStride;
   const bool extended = frame.is(canopen::kFrameExtended);
   std::uint32_t identifier = extended ? (frame.id << 3) | bxcan::kIdExtended : frame.id << 21;
   if (frame.is(canopen::kFrameRemote)) identifier |= bxcan::kIdRemote;
   const std::array<std::uint32_t, 2> words = frame.words();
+  if (frame.is_command()) in_mailbox_[mailbox] = frame.command;
   registers_.write(base + bxcan::kLength, frame.len);
   registers_.write(base + bxcan::kDataLow, words[0]);
   registers_.write(base + bxcan::kDataHigh, words[1]);

@@ -123,6 +123,47 @@ TEST_F(BxCanTest, FrameThatIsNotClassicCan_IsRefused) {
   EXPECT_EQ(fake_.requested(), 0U);
 }
 
+TEST_F(BxCanTest, DiscardCommands_LeavesOtherFramesInTheirOrder) {
+  for (std::uint8_t i = 0; i < 12; ++i) {
+    const CanFrame frame = counting_frame(0x100U + i, i);
+    const bool is_command = i % 4 != 1;
+    const auto axes = static_cast<std::uint8_t>(i < 6 ? 0x03 : 0x0C);
+    ASSERT_TRUE(is_command ? can_.send_command(frame, {axes, static_cast<std::uint8_t>(250 + i)})
+                           : can_.send(frame));
+  }
+  ASSERT_TRUE(fake_.transmit_one());
+  canopen::Discarded discarded;
+  can_.discard_commands(discarded);
+  EXPECT_EQ(discarded.axes, 0x0F);
+  EXPECT_EQ(discarded.cycle[0], 252) << "the oldest that has not left; 250 has";
+  EXPECT_EQ(discarded.cycle[2], 0) << "256";
+  EXPECT_EQ(can_.commands().accepted, 9U);
+  EXPECT_EQ(can_.commands().gone, 9U);
+  EXPECT_EQ(can_.counters().send_refused, 8U);
+  can_.on_transmit_interrupt();
+  drain();
+  ASSERT_EQ(fake_.sent.size(), 4U);
+  for (const std::size_t k : {1U, 2U, 3U}) EXPECT_EQ(fake_.sent[k].data_low & 0xFF, 4 * k - 3);
+  EXPECT_EQ(can_.commands().gone, 9U);
+}
+
+TEST_F(BxCanTest, DiscardCommands_WithoutOne_AbortsNothing) {
+  for (int k = 0; k < 5; ++k) ASSERT_TRUE(can_.send(counting_frame(0x5A0, 0)));
+  canopen::Discarded discarded;
+  can_.discard_commands(discarded);
+  EXPECT_EQ(discarded.axes, 0);
+  drain();
+  EXPECT_EQ(fake_.sent.size(), 5U);
+}
+
+TEST_F(BxCanTest, CompletionBeforeItsInterrupt_IsCountedByTheNextFrame) {
+  ASSERT_TRUE(can_.send_command(counting_frame(0x200, 0), {}));
+  ASSERT_TRUE(fake_.transmit_one());
+  ASSERT_TRUE(can_.send_command(counting_frame(0x200, 1), {}));
+  EXPECT_EQ(can_.commands().gone, 1U);
+  EXPECT_EQ(can_.counters().sent, 1U);
+}
+
 TEST_F(BxCanTest, ReceivesEveryKindOfFrame) {
   fake_.deliver({0x7FFU << 21, 8, 0x03020100, 0x07060504});
   fake_.deliver({0x1FFFFFFFU << 3 | bxcan::kIdExtended, 2, 0xBBAA, 0});

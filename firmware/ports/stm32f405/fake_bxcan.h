@@ -131,7 +131,8 @@ class FakeBxCan {
     target.identifier = value;
     if ((value & bxcan::kIdRequest) == 0) return;
     requested_.push_back(mailbox);
-    transmit_status_ &= ~bxcan::tsr_empty(mailbox);
+    transmit_status_ &=
+        ~(bxcan::tsr_empty(mailbox) | bxcan::tsr_completed(mailbox) | bxcan::tsr_ok(mailbox));
   }
 
   std::map<std::uint32_t, std::uint32_t> written_;

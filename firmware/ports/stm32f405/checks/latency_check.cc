@@ -88,15 +88,17 @@ class TimedPort final : public canopen::CanPort {
     std::uint32_t on_wire;
   };
 
-  bool send(const CanFrame& frame) override {
+  bool queue(const CanFrame& frame, const canopen::Command* command) override {
     const std::uint32_t taken = now();
     const bool is_free = static_cast<std::int32_t>(taken - free_at_) >= 0;
     const std::uint32_t on_wire = is_free ? taken : free_at_;
     free_at_ = on_wire + bus_time_of(frame);
     if (sent_count < sent.size()) sent[sent_count++] = {frame.id, taken, on_wire};
     last = frame;
+    if (command != nullptr) note_command_gone();
     return true;
   }
+  void discard_commands(canopen::Discarded&) override {}
   bool receive(CanFrame& frame) override {
     if (next_ == count_ || !has_come(arrivals_[next_].time)) return false;
     frame = arrivals_[next_++].frame;

@@ -50,7 +50,11 @@ constexpr Record kRecords[] = {{0x2013, 17}, {0x2001, 16}, {0x2002, 8}, {0x2003,
 // Both directions of one bus, without a CAN controller.
 class MemoryPort final : public canopen::CanPort {
  public:
-  bool send(const CanFrame& frame) override { return out.push(ports::ClassicFrame::from(frame)); }
+  bool queue(const CanFrame& frame, const canopen::Command* command) override {
+    if (command != nullptr) note_command_gone();
+    return out.push(ports::ClassicFrame::from(frame, command));
+  }
+  void discard_commands(canopen::Discarded&) override {}
   bool receive(CanFrame& frame) override {
     ports::ClassicFrame classic;
     if (!in.pop(classic)) return false;
@@ -72,7 +76,7 @@ MemoryPort upstream;
 MemoryPort downstream;
 
 ports::ClassicFrame frame_of(std::uint32_t id, std::uint8_t len) {
-  return {id, canopen::kFrameNone, len, {}};
+  return {id, canopen::kFrameNone, len, {}, {}};
 }
 
 ports::ClassicFrame pair_of(std::uint32_t id, std::int32_t first, std::int32_t second) {
