@@ -217,7 +217,7 @@ std::unique_ptr<Fit> on_a_screw(double grid) {
     for (double& q : p.columns["q1"]) q = grid * std::round(q / grid);
     State::Columns columns = p.columns;
     const State state(p.robot, columns, p.kinematics->tool(0).translation());
-    const EffectContext context{state, 1, false};
+    const EffectContext context{state, 1};
     Model model = build_model(ModelSpecification::from_json(truth), context);
     for (Parameter& q : model.parameters) q.value = q.effect == "custom" ? 1e-4 : 0.0;
     testing::set_measured(

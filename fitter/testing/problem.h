@@ -76,7 +76,9 @@ class Problem {
     const double sigma_rotation = options.noise_rad > 0.0 ? options.noise_rad : 2e-5;
     measurements = Measurements::from_state(*state, options.instrument, sigma, sigma_rotation);
     measurements.targets = options.targets;
-    EffectContext context{*state, options.targets, options.with_rotation};
+    EffectContext context{
+        *state, options.targets,
+        std::vector<bool>(static_cast<std::size_t>(options.targets), options.with_rotation)};
     context.carried = {{"tau2", Expression::parse("1e-3*sin(q2 - 0.2)")}};
     model = build_model(ModelSpecification::from_json(model_json), context);
   }

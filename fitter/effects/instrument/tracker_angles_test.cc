@@ -18,7 +18,7 @@ TEST(TrackerAngles, PointAtTheInstrument_TermsAreFinite) {
   Problem p(testing::industrial_arm(), testing::geometry_model(), {40}, random, testing::nothing);
   for (const char* name : {"x", "y", "z"}) p.columns[name][7] = 0.0;
   const State state(p.robot, p.columns, p.kinematics->tool(0).translation());
-  const EffectTerms terms = build_effect({state, 1, false}, {"tracker_angles", {}});
+  const EffectTerms terms = build_effect({state, 1}, {"tracker_angles", {}});
   for (const Parameter& q : terms.parameters) {
     for (const Term& term : q.terms) {
       for (const double value : state.values(term.basis))

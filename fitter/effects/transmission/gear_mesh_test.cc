@@ -25,14 +25,14 @@ Problem with_slide(const json& turn) {
 
 std::vector<std::string> names(const Problem& p, const EffectRequest& request) {
   std::vector<std::string> result;
-  for (const Parameter& q : build_effect({*p.state, 1, false}, request).parameters)
+  for (const Parameter& q : build_effect({*p.state, 1}, request).parameters)
     result.push_back(q.name);
   return result;
 }
 
 std::string refusal(const Problem& p, const EffectRequest& request) {
   try {
-    build_effect({*p.state, 1, false}, request);
+    build_effect({*p.state, 1}, request);
   } catch (const ModelError& error) {
     return error.what();
   }
@@ -41,8 +41,7 @@ std::string refusal(const Problem& p, const EffectRequest& request) {
 
 TEST(GearMesh, SlidingJoint_HasWavesOfItsLeadInMetres) {
   const Problem p = with_slide({{"lead", 0.02}});
-  const EffectTerms terms =
-      build_effect({*p.state, 1, false}, {"gear_mesh", {1}, {{"orders", {1, 2}}}});
+  const EffectTerms terms = build_effect({*p.state, 1}, {"gear_mesh", {1}, {{"orders", {1, 2}}}});
   ASSERT_EQ(terms.parameters.size(), 4u);
   EXPECT_EQ(terms.parameters[0].name, "gear_mesh[1].sin1");
   EXPECT_EQ(terms.parameters[0].unit, "m");
@@ -87,8 +86,7 @@ TEST(GearMesh, SlidingJoint_WavesAreNamedByTheirLength) {
 
 TEST(GearMesh, FittedLength_ChangesByHalfAWaveOverTheTravelAtMost) {
   const Problem p = with_slide({{"lead", 0.02}});
-  const EffectTerms terms =
-      build_effect({*p.state, 1, false}, {"gear_mesh", {1}, {{"find", true}}});
+  const EffectTerms terms = build_effect({*p.state, 1}, {"gear_mesh", {1}, {{"find", true}}});
   ASSERT_EQ(terms.nonlinear.size(), 1u);
   const NonlinearParameter& length = terms.nonlinear.front();
   EXPECT_EQ(length.unit, "m");
@@ -114,7 +112,7 @@ TEST(GearMesh, OptionOfTheOtherJointType_IsRefusedWithTheRightOne) {
 
 TEST(GearMesh, SlidingJoint_HasTwoCandidatesIfItsLeadIsKnown) {
   const auto of_slide = [](const Problem& p) {
-    const auto all = find_effect("gear_mesh").tried({*p.state, 1, false});
+    const auto all = find_effect("gear_mesh").tried({*p.state, 1});
     return std::ranges::count_if(all,
                                  [](const EffectRequest& r) { return r.joints == std::vector{1}; });
   };

@@ -28,7 +28,7 @@ TEST(TransmissionPwl, ShortSlidingJoint_IsACandidate) {
   json robot = testing::random_chain(random, 4, {0});
   robot["kinematics"]["joints"][0]["limits"] = {0.0, 0.2};
   const Problem p(robot, testing::geometry_model(), {120}, random, testing::nothing);
-  const auto all = find_effect("transmission_pwl").tried({*p.state, 1, false});
+  const auto all = find_effect("transmission_pwl").tried({*p.state, 1});
   EXPECT_TRUE(std::ranges::any_of(
       all, [](const EffectRequest& request) { return request.joints == std::vector{1}; }));
 }
