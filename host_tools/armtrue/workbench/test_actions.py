@@ -53,6 +53,18 @@ def test_replacements_are_listed_with_the_most_probable_first(engine):
     assert said == [chance(each) for each in probable]
 
 
+def test_replacements_include_an_effect_that_was_removed_since(engine):
+    do(engine, "add", candidate=0)
+    do(engine, "add", entry={"effect": "backlash", "joints": [2]})
+    effects = [entry["effect"] for entry in engine.session.node.effects]
+    do(engine, "remove", effect=effects.index("gear_harmonics"))
+    do(engine, "add", entry={"effect": "backlash", "joints": [1]})
+    place = [entry.get("joints") for entry in engine.session.node.effects].index([2])
+    first = re.search(r"<li><span>(.+?): probability", swaps(engine.session, str(place)))
+    assert first is not None
+    assert first[1].startswith("gear_harmonics")
+
+
 def test_card_does_not_print_a_probability_of_100_percent(engine):
     first = engine.session.diagnosis_of(0)["candidates"][0]
     assert first["probability"] > 0.995

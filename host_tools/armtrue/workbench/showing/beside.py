@@ -140,13 +140,11 @@ def planned_between(session: Session, other: int, words: dict[str, Any], progres
 
 
 def swaps(session: Session, place: str) -> str:
-    """Candidates that could replace an effect: those of the step at which it was added, or else of the shown model."""
+    """Candidates that could replace an effect of the shown model."""
     effects = session.node.effects
     number = number_of(place, len(effects), "effect")
     old = effects[number]
-    added = next((node.parent for node in session.path if old in node.added), None)
-    diagnosis = session.diagnosis_of(session.at if added is None else added)
-    candidates = [] if diagnosis is None else list(diagnosis["candidates"])
+    candidates = _replacements(session, old)
     alike = {label for each in candidates if model_entry(each) == old for label in each["confounded_with"]}
     others = [each for each in candidates if model_entry(each) not in effects]
     others.sort(key=lambda each: (called(each) not in alike, -each["probability"]))
@@ -165,3 +163,30 @@ def swaps(session: Session, place: str) -> str:
     first = "those that these data hardly tell from it come first, then " if alike else ""
     words = f"{plural(len(rows), 'effect')} could stand there; {first}the most probable first."
     return card(f"In the place of {named(old)}", tag("p", words), tag("ul", rows, class_="model"))
+
+
+def _replacements(session: Session, old: dict[str, Any]) -> list[dict[str, Any]]:
+    """Candidates of the shown model without `old`, if it was diagnosed.
+
+    Else those of the model to which `old` was added, and those of the shown model that are not among them: effects
+    removed since.
+    """
+    shown = session.node
+    rest = [effect for effect in shown.effects if effect != old]
+    numbers = [
+        node.number for node in session.nodes if node.left_out == shown.left_out and _same(node.effects, rest)
+    ][:1] or [
+        *(node.parent for node in session.path if node.parent is not None and old in node.added),
+        shown.number,
+    ]
+    diagnoses = [session.diagnosis_of(number) for number in numbers]
+    found: dict[str, dict[str, Any]] = {}
+    for diagnosis in filter(None, diagnoses):
+        for candidate in diagnosis["candidates"]:
+            found.setdefault(str(model_entry(candidate)), candidate)
+    return list(found.values())
+
+
+def _same(effects: list[dict[str, Any]], others: list[dict[str, Any]]) -> bool:
+    """True where two models have the same effects, in whatever order."""
+    return sorted(map(str, effects)) == sorted(map(str, others))
