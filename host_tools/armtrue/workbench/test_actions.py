@@ -5,33 +5,13 @@ from __future__ import annotations
 import html
 import re
 
-import armtrue_sim
 import pytest
 
 from armtrue.verdicts import chance, why_words
 from armtrue.workbench.conftest import do
-from armtrue.workbench.engine import Engine
-from armtrue.workbench.opening.dropped import Drop
-from armtrue.workbench.opening.opened import open_files
 from armtrue.workbench.showing.beside import swaps
 from armtrue.workbench.showing.card import card
 from armtrue.workbench.showing.view import pieces
-
-CAMPAIGN = {
-    "arm": "kr30",
-    "seed": 8,
-    "poses": 150,
-    "hidden": [{"effect": "gear_harmonics", "joints": [3], "scale": 2.5}],
-}
-
-
-@pytest.fixture
-def engine(tmp_path, monkeypatch) -> Engine:
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    armtrue_sim.simulate(CAMPAIGN).write(tmp_path)
-    engine = Engine(Drop(tmp_path / "drop"))
-    engine.begin(open_files([tmp_path / "data.csv"]))
-    return engine
 
 
 @pytest.mark.full
