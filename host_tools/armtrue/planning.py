@@ -86,6 +86,10 @@ class Plan:
     figures: dict[str, Any] = field(default_factory=dict)
     target: str | None = None
 
+    def __repr__(self) -> str:
+        sentences = [*self.decisions(), *filter(None, [self.precision()])]
+        return "\n".join([f"{self.count} poses of {', '.join(self.columns)}", *sentences])
+
     @property
     def count(self) -> int:
         """How many poses there are."""

@@ -68,6 +68,9 @@ class Dataset:
     left_out: list[int] = field(default_factory=list)
     passive: dict[str, Array] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        return f"{self.file.name}: {self.count} measurements of {', '.join(self.columns)}"
+
     @property
     def count(self) -> int:
         """Number of measurements."""

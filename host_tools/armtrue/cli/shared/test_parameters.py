@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from armtrue.cli.shared.parameters import nominal_value
+from armtrue.notebook import nominal_value
 
 MDH = {
     "convention": "mdh",
