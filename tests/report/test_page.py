@@ -180,11 +180,39 @@ def test_candidate_figures_and_captions_are_inside_the_window(browser, page, siz
     assert browser.run(cut)
 
 
-def test_tables_of_the_error_need_no_scrolling_on_a_laptop(laptop):
+@pytest.mark.parametrize("width", [1280, 820], ids=["laptop", "tablet"])
+def test_tables_of_the_error_need_no_scrolling_on_a_laptop(browser, page, width):
+    browser.open(page, (width, 800))
+    long_name = """document.querySelectorAll('#error tbody th').forEach((e) => {
+        e.textContent = 'step 2: + command_readback [2, 3]';
+    })"""
+    browser.run(long_name)
     beyond = (
         "return [...document.querySelectorAll('#error .scroll')].map((e) => e.scrollWidth - e.clientWidth)"
     )
-    assert laptop.run(beyond) == [0, 0]
+    assert browser.run(beyond) == [0, 0]
+
+
+@pytest.mark.parametrize("size", [LAPTOP, (800, 900)], ids=["laptop", "tablet"])
+def test_head_of_the_page_is_whole(browser, page, size):
+    """The summary has no empty tile, the menu shows every section, and names of steps break between words alone."""
+    browser.open(page, size)
+    tiles, menu, broken = browser.run("""
+        const area = (e) => e.clientWidth * e.clientHeight;
+        const tiles = [...document.querySelectorAll('dl div')].reduce((sum, e) => sum + area(e), 0);
+        const menu = document.querySelector('nav ul');
+        const broken = [...document.querySelectorAll('.step strong')].flatMap((e) => {
+            const node = e.firstChild, range = document.createRange();
+            return [...node.data.matchAll(/\\S+/g)].filter((word) => {
+                range.setStart(node, word.index);
+                range.setEnd(node, word.index + word[0].length);
+                return range.getClientRects().length > 1;
+            }).map((word) => word[0]);
+        });
+        return [tiles / area(document.querySelector('dl')), menu.scrollWidth - menu.clientWidth, broken]""")
+    assert tiles > 0.97
+    assert menu <= 0
+    assert broken == []
 
 
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])

@@ -43,7 +43,7 @@ def _measured(fit: Fit, drop: Drop, words: Entry) -> Dataset | None:
     """The measurements that were dropped; None where guesses are to be reviewed first.
 
     `words`: the form or the text of guesses. Foreign files are read as those of the session were, if possible.
-    Errors: InputError where there is no file of measurements, or one in Armtrue's own form has a row that cannot be read.
+    Errors: InputError where there is no file of measurements, or one in Armtrue's own form has an unreadable row.
     """
     if drop.guess is not None:
         return _of_set_up(fit, drop.measurements(words))
