@@ -11,6 +11,7 @@ from armtrue.verdicts import chance, why_words
 from armtrue.workbench.conftest import do
 from armtrue.workbench.showing.beside import swaps
 from armtrue.workbench.showing.card import card
+from armtrue.workbench.showing.panels import panel
 from armtrue.workbench.showing.view import pieces
 
 
@@ -43,6 +44,12 @@ def test_replacements_include_an_effect_that_was_removed_since(engine):
     first = re.search(r"<li><span>(.+?): probability", swaps(engine.session, str(place)))
     assert first is not None
     assert first[1].startswith("gear_harmonics")
+
+
+def test_spectra_say_which_model_the_dashed_line_is_of(engine):
+    assert "Dashed" not in panel(engine.session, {"name": "spectra"})
+    do(engine, "add", candidate=0)
+    assert "Dashed: first model." in panel(engine.session, {"name": "spectra"})
 
 
 def test_card_does_not_print_a_probability_of_100_percent(engine):

@@ -198,9 +198,8 @@ def place_panel(x: Array, y: Array, names: tuple[str, str], description: str) ->
     """Where the reflector was, both axes to one scale."""
     rows = spread_rows(x.size, 2 * DOTS)
     half = 0.55 * max(float(np.ptp(x)), float(np.ptp(y)))
-    height = 320
     panel = Panel(
-        _about(x, half), _about(y, half), f"{names[0]} [m]", f"{names[1]} [m]", description, height=height
+        _about(x, half), _about(y, half), f"{names[0]} [m]", f"{names[1]} [m]", description, height=None
     )
     panel.points(x[rows], y[rows], "dots strong-dots")
     return panel.render()
