@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from armtrue.candidates import parameter_lines
+from armtrue.candidates import called, parameter_lines
 from armtrue.report.content import Report, StepDiagnosis
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.names import bracketed, called
+from armtrue.report.names import bracketed
 from armtrue.report.parts import (
     figure,
     fixed,
@@ -81,7 +81,7 @@ def added_variable_section(report: Report) -> Markup | None:
                 figure(plot.name + after, panel, mark, " · " if mark else None, charts.added_words(plot))
             )
         if diagnosis.not_drawn:
-            names = f"{', '.join(diagnosis.not_drawn)}{after}."
+            names = f"{'; '.join(diagnosis.not_drawn)}{after}."
             not_drawn.append(tag("p", _NOT_DRAWN, names, class_="lead"))
     if not figures and not not_drawn:
         return None
@@ -106,15 +106,15 @@ def _one(diagnosis: StepDiagnosis, between: bool = False) -> list[Content]:
     if result["verdict"] == "nothing_missing":
         if candidates:
             heading = "The strongest of what was tried, none of them significant"
-            parts.append(folded(heading, _table(shown, "Candidates")))
+            parts.append(folded(heading, _table(shown, candidates, "Candidates")))
     else:
         parts += [
             _ambiguity(candidates),
-            _table(shown, "Leading candidates"),
-            _reasons(shown[:with_reasons]),
+            _table(shown, candidates, "Leading candidates"),
+            _reasons(shown[:with_reasons], candidates),
         ]
     if rest and not between:
-        names = ", ".join(map(called, rest))
+        names = "; ".join(called(candidate, candidates) for candidate in rest)
         parts.append(tag("p", f"Tried as well, with less evidence: {names}.", class_="lead"))
     return parts
 
@@ -135,29 +135,31 @@ def _ambiguity(candidates: list[dict[str, Any]]) -> Markup | None:
     best = next((candidate for candidate in candidates if candidate["recommend"]), None)
     if best is None:
         return None
-    others = [called(other) for other in of_other_sensors(best, candidates)]
+    others = [called(other, candidates) for other in of_other_sensors(best, candidates)]
     warmed = f" {OTHER_SENSOR_ADVICE}" if others else ""
     others += [bracketed(label) for label in best["confounded_with"]]
     if not others:
-        return tag("p", "Nothing else explains nearly as much as ", tag("strong", called(best)), ".")
+        return tag(
+            "p", "Nothing else explains nearly as much as ", tag("strong", called(best, candidates)), "."
+        )
     return tag(
         "p",
         "Ambiguity set, whatever explains at least 0.9 of what the best does: ",
-        tag("strong", called(best)),
-        f", {', '.join(others)}. The advice below says what would tell them apart.{warmed}",
+        tag("strong", called(best, candidates)),
+        f"; {'; '.join(others)}. The advice below says what would tell them apart.{warmed}",
         class_="ambiguous",
     )
 
 
-def _table(candidates: list[dict[str, Any]], caption: str) -> Markup:
+def _table(shown: list[dict[str, Any]], candidates: list[dict[str, Any]], caption: str) -> Markup:
     headers = ["candidate", "probability", "explains", "ΔBIC", "held-out mean if added [µm]", "separable"]
     rows: list[list[Content]] = []
-    for candidate in candidates:
+    for candidate in shown:
         share = 100.0 * candidate["explained"]
         bar = tag("span", class_="bar", style=f"width:{min(100.0, max(0.0, share)):.1f}%")
         rows.append(
             [
-                [called(candidate), [" ", _star()] if candidate["recommend"] else None],
+                [called(candidate, candidates), [" ", _star()] if candidate["recommend"] else None],
                 chance(candidate["probability"]),
                 tag(
                     "span",
@@ -174,11 +176,13 @@ def _table(candidates: list[dict[str, Any]], caption: str) -> Markup:
     return table(headers, rows, caption + note, stacked=True)
 
 
-def _reasons(candidates: list[dict[str, Any]]) -> Markup:
+def _reasons(shown: list[dict[str, Any]], candidates: list[dict[str, Any]]) -> Markup:
     entries: list[Content] = []
-    for candidate in candidates:
+    for candidate in shown:
         why = typeset(why_words(candidate))
-        entries.append(tag("li", tag("strong", called(candidate)), f": {why}.", values_list(candidate)))
+        entries.append(
+            tag("li", tag("strong", called(candidate, candidates)), f": {why}.", values_list(candidate))
+        )
     return folded("Why, and how large", tag("ol", entries, class_="evidence"), opened=True)
 
 

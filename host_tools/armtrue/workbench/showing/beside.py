@@ -16,7 +16,7 @@ from armtrue.verdicts import chance
 from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.elements import button, card, number_of
 from armtrue.workbench.showing.further import Result
-from armtrue.workbench.showing.names import called, called_among, named
+from armtrue.workbench.showing.names import called, named
 from armtrue.workbench.showing.poses import planned
 from armtrue.workbench.showing.words import length
 
@@ -58,7 +58,7 @@ def _figures(session: Session, nodes: list[Node], names: list[str]) -> Markup:
     rows: list[list[Content]] = [
         [
             "effects that the other lacks",
-            *(", ".join(map(named, effects)) or "none" for effects in _own_effects(nodes)),
+            *("; ".join(map(named, effects)) or "none" for effects in _own_effects(nodes)),
         ],
         ["held-out mean error", *(length(node.mean_um) for node in nodes)],
         ["parameters", *map(str, counts)],
@@ -151,11 +151,11 @@ def swaps(session: Session, place: str) -> str:
     rows = [
         tag(
             "li",
-            tag("span", f"{called_among(each, candidates)}: probability {chance(each['probability'])}"),
+            tag("span", f"{named(each, candidates)}: probability {chance(each['probability'])}"),
             " ",
             button(
                 "Put in its place", "swap", effect=number, entry=model_entry(each),
-                aria_label=f"Put {called_among(each, candidates)} in the place of {named(old)}",
+                aria_label=f"Put {named(each, candidates)} in the place of {named(old)}",
             ),
         )
         for each in others[:_MOST_RIVALS]

@@ -1,18 +1,19 @@
-"""Names of effects on the workbench: as `diagnose` gives them, `gear_mesh 3 orders [13]`."""
+"""Names of effects on the workbench: effect and joints as `diagnose` names them, options as in the terminal."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
-from armtrue.candidates import form_words, options_of
-from armtrue.report.parts import rounded
+from armtrue import candidates
+from armtrue.candidates import entry_of, options_of
 
 _TOLD = ("orders", "cycles", "wavelengths")
 
 
 def called(entry: dict[str, Any]) -> str:
-    """An effect or a candidate as `diagnose` names it: with its joints, and its orders, cycles or wavelengths."""
+    """The label by which `confounded_with` names a candidate, with its joints, orders, cycles or wavelengths."""
     words = [str(entry["effect"])]
     if joints := entry.get("joints"):
         words.append(",".join(map(str, joints)))
@@ -23,19 +24,23 @@ def called(entry: dict[str, Any]) -> str:
     return " ".join(words)
 
 
-def named(entry: dict[str, Any]) -> str:
-    """`called` with short figures, and the options of its variant: `bending_compliance 1 shape beam`."""
-    return called_among(entry, [])
+def named(entry: dict[str, Any], others: Sequence[dict[str, Any]] = ()) -> str:
+    """Effect and joints, and the options that distinguish it from `others`: `gear_mesh 3, 99.5 cycles a turn`."""
+    effect = str(entry["effect"])
+    whole = candidates.called({**entry, "joints": []}, others)
+    options = whole.removeprefix(effect).lstrip(", ")
+    numbers = ",".join(map(str, entry.get("joints") or []))
+    return f"{effect} {numbers}".rstrip() + (f", {options}" if options else "")
 
 
-def called_among(entry: dict[str, Any], others: list[dict[str, Any]]) -> str:
-    """`named`, with the thermometer where `others` read several."""
-    return " ".join([rounded(called(entry)), *form_words(entry, others)])
+def named_of(label: str) -> str:
+    """`named` of a candidate that `diagnose` names by a label, such as `gear_mesh 3 orders [13]`."""
+    return named(entry_of(label))
 
 
 def change_words(added: list[dict[str, Any]], removed: list[dict[str, Any]]) -> str:
-    """`added gear_harmonics 3, removed backlash 2`."""
-    return ", ".join(
+    """`added gear_harmonics 3; removed backlash 2`."""
+    return "; ".join(
         [f"added {named(entry)}" for entry in added] + [f"removed {named(entry)}" for entry in removed]
     )
 

@@ -13,17 +13,19 @@ from armtrue.workbench.showing.names import called, named
     [
         (
             {"effect": "bending_compliance", "joints": [1], "options": {"shape": "beam"}},
-            "bending_compliance 1 shape beam",
+            "bending_compliance 1, shape beam",
         ),
         (
             {"effect": "gear_mesh", "joints": [6], "options": {"cycles": [171.3119657]}},
-            "gear_mesh 6 cycles [171.31]",
+            "gear_mesh 6, 171.312 cycles a turn",
         ),
         (
             {"effect": "stiffness_nonlinear", "joints": [2], "options": {"soft": True, "soft_torque": 12.5}},
-            "stiffness_nonlinear 2 soft",
+            "stiffness_nonlinear 2, soft",
         ),
-        ({"effect": "gear_mesh", "joints": [3], "options": {"orders": [13.0]}}, "gear_mesh 3 orders [13]"),
+        ({"effect": "gear_mesh", "joints": [3], "options": {"orders": [13.0]}}, "gear_mesh 3, order 13"),
+        ({"effect": "gear_mesh", "joints": [1], "wavelengths": [0.06]}, "gear_mesh 1, waves of 60 mm"),
+        ({"effect": "joint_compliance", "joints": [2]}, "joint_compliance 2"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )

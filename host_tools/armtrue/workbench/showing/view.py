@@ -13,7 +13,7 @@ from armtrue.fitting import Fit
 from armtrue.io.catalogue import catalogue
 from armtrue.io.robot import Robot
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import listed, micrometres, plural, rounded, typeset
+from armtrue.report.parts import listed, micrometres, plural, typeset
 from armtrue.verdicts import (
     ERROR_FIGURES,
     FLOOR_SOURCES,
@@ -32,7 +32,7 @@ from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.elements import button
 from armtrue.workbench.showing.further import leave_out_form
 from armtrue.workbench.showing.left_out import left_out_part, left_out_row
-from armtrue.workbench.showing.names import called_among, named
+from armtrue.workbench.showing.names import named, named_of
 from armtrue.workbench.showing.words import length
 
 _SPLITS = {"random": "at random", "region": "by region", "time": "by time"}
@@ -258,11 +258,11 @@ def _candidates(diagnosis: dict[str, Any] | None) -> Markup:
 
 def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> Markup:
     share, after = 100.0 * candidate["explained"], candidate["held_out_mean_um_if_added"]
-    rivals = [rounded(rival) for rival in candidate["confounded_with"]]
+    rivals = [named_of(rival) for rival in candidate["confounded_with"]]
     more = f" and {len(rivals) - _NAMED_RIVALS} more" if len(rivals) > _NAMED_RIVALS else ""
-    others = ", ".join(rivals[:_NAMED_RIVALS]) + more
+    others = "; ".join(rivals[:_NAMED_RIVALS]) + more
     star = tag("span", " ★", class_="trend", title="recommended") if candidate["recommend"] else None
-    name = called_among(candidate, candidates)
+    name = named(candidate, candidates)
     return tag(
         "tr",
         tag("th", tag("span", name, id=f"candidate-{k}"), star, scope="row"),
@@ -285,7 +285,7 @@ def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any
             others or "–",
             data_label="could also be",
             class_=None if others else "nothing",
-            title=", ".join(rivals) if more else None,
+            title="; ".join(rivals) if more else None,
         ),
         tag(
             "td",
