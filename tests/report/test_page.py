@@ -13,6 +13,10 @@ import numpy as np
 import pytest
 from armtrue import Fit, add, diagnose
 from armtrue.report import write
+from armtrue.report.gathered.steps import steps_of
+from armtrue.report.page import document
+from armtrue.report.pictures.arm import scene
+from armtrue.report.sections.residual_sections import viewer
 from browser import A4, LAPTOP, PHONE, Browser
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
@@ -512,3 +516,37 @@ def test_lines_and_marks_differ_in_more_than_colour(laptop, fits: list[Fit]):
     widths = laptop.run("""return ['length0', 'length1', 'length2', 'length3'].map((name) =>
         parseFloat(getComputedStyle(document.querySelector('.stage .' + name)).strokeWidth))""")
     assert widths == sorted(set(widths))
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_lengths_of_arrows_differ_in_colour(browser, page, dark):
+    browser.open(page, dark=dark)
+    colours = browser.run("""return ['length0', 'length1', 'length2', 'length3'].map((name) =>
+        getComputedStyle(document.querySelector('.stage .' + name)).stroke)""")
+    assert len(set(colours)) == 4
+
+
+def test_arrows_of_many_poses_are_thinner_and_shorter(browser, fits, tmp_path):
+    drawn = scene(steps_of([(fits[0], "fit")]))
+    many = {
+        **drawn,
+        "rows": 10 * drawn["rows"],
+        "points": 10 * drawn["points"],
+        "joints": 10 * drawn["joints"],
+    }
+    many["vectors"] = [10 * vectors for vectors in drawn["vectors"]]
+    seen = []
+    for k, each in enumerate((drawn, many)):
+        place = tmp_path / f"{k}.html"
+        place.write_text(document("arrows", viewer(each, "arrows")))
+        browser.open(place)
+        browser.settle()
+        seen.append(
+            browser.run("""
+                const arrow = document.querySelector('.stage > svg > .length3');
+                const scale = document.querySelector('.stage .ruler + text').textContent.split('×')[1];
+                return [parseFloat(getComputedStyle(arrow).strokeWidth), Number(scale.replace(/\\D/g, ''))]""")
+        )
+    (width, scale), (many_width, many_scale) = seen
+    assert many_width < 0.5 * width
+    assert many_scale <= 0.5 * scale
