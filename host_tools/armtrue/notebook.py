@@ -129,7 +129,9 @@ def nominal_words(parameter: str, robot: dict[str, Any]) -> str:
     if nominal is None:
         return ""
     value, unit = nominal
-    return f"{1000 * value:.3f} mm" if unit == "m" else f"{math.degrees(value):.3f}°"
+    # + 0.0: what rounds to zero has no minus sign.
+    shown, sign = (1000 * value, " mm") if unit == "m" else (math.degrees(value), "°")
+    return f"{round(shown, 3) + 0.0:.3f}{sign}"
 
 
 def nominal_value(name: str, robot: dict[str, Any]) -> tuple[float, str] | None:
