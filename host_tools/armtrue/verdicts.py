@@ -22,6 +22,12 @@ FLOOR_SOURCES = {
     "none": "nothing recorded tells it",
 }
 
+# Why the floor of `repeats` differs from one model to the next.
+FLOOR_MOVES = (
+    "The noise floor is the scatter of the errors at poses measured again. It falls when the model explains why two "
+    "visits of a pose differ, such as by temperature; from few repeats it can come out above the held-out error."
+)
+
 # A candidate explains nearly as much as the first from this share of the first's `explained` on (docs/planning.md).
 _NEARLY = 0.9
 _MORE_LIKELY_THAN_NOT = 0.5

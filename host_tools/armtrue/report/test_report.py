@@ -19,6 +19,7 @@ from armtrue.report import gather, write
 from armtrue.report.conftest import fitted
 from armtrue.report.page import page
 from armtrue.report.sections.diagnosis_sections import _ambiguity
+from armtrue.report.sections.error_section import error_section
 
 SECTIONS = [
     "error",
@@ -240,6 +241,24 @@ def test_summary_names_the_source_of_the_noise_floor(fits, source, words):
     fit.document["noise_floor"] = {**fit.document["noise_floor"], "source": source}
     header = page(gather([fit])).split("<nav")[0]
     assert f"<small>{words}</small>" in header
+
+
+def test_every_step_has_its_own_noise_floor_and_the_lead_says_why(report):
+    first, *others = report.steps
+    floor = {**first.fit.document["noise_floor"], "um": 3.0 * report.last.noise_floor_um}
+    noisy = replace(first, fit=Fit({**first.fit.document, "noise_floor": floor}, first.fit.path))
+    section = error_section(replace(report, steps=[noisy, *others]))
+    places = [float(place) for place in re.findall(r'<i class="floor" style="left:([\d.]+)%">', section)]
+    assert len(places) == len(report.steps)
+    assert places[0] > places[-1] + 5.0
+    assert "It falls when the model explains why two visits of a pose differ" in section
+
+
+def test_parameters_that_correct_a_nominal_value_have_it_beside_them(text):
+    section = text[text.index('<section id="parameters"') :].split("</section>")[0]
+    row = section[section.index("joint_offset[2]") :].split("</tr>")[0]
+    assert "−90.000°" in row
+    assert "the correction that is added to it" in section
 
 
 def test_report_without_any_fit_is_refused(tmp_path):

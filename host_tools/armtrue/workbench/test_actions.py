@@ -5,10 +5,14 @@ from __future__ import annotations
 import html
 import re
 
+import armtrue_sim
 import pytest
 
 from armtrue.verdicts import chance, why_words
 from armtrue.workbench.conftest import do
+from armtrue.workbench.engine import Engine
+from armtrue.workbench.opening.dropped import Drop
+from armtrue.workbench.opening.opened import open_files
 from armtrue.workbench.showing.beside import swaps
 from armtrue.workbench.showing.card import card
 from armtrue.workbench.showing.panels import panel
@@ -66,3 +70,18 @@ def test_rows_left_out_by_a_range_are_not_called_wrong(engine):
     words = pieces(engine)["left-out"]
     assert "left out by you: " in words
     assert "wrong" not in words
+
+
+def test_error_of_orientation_is_shown_where_orientations_were_measured(tmp_path, engine):
+    assert "orientation" not in pieces(engine)["error"]
+    oriented = {"arm": "cobot", "seed": 3, "poses": 60, "columns": {"add": ["orientation"]}}
+    armtrue_sim.simulate(oriented | {"instrument": {"sigma": 9e-6, "orientation": 2e-5}}).write(
+        tmp_path / "two"
+    )
+    for _ in range(2):  # fitted, and resumed
+        other = Engine(Drop(tmp_path / "drop"))
+        other.begin(open_files([tmp_path / "two" / "data.csv"]))
+        found = re.search(r"Error of orientation, training poses: mean ([\d.]+)″", pieces(other)["error"])
+        assert found is not None
+        assert 0.0 < float(found[1]) < 30.0
+        other._locks.keep(set())

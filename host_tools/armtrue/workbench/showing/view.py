@@ -13,9 +13,10 @@ from armtrue.fitting import Fit
 from armtrue.io.catalogue import catalogue
 from armtrue.io.robot import Robot
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import listed, micrometres, plural, typeset
+from armtrue.report.parts import ARCSECOND, listed, micrometres, plural, typeset
 from armtrue.verdicts import (
     ERROR_FIGURES,
+    FLOOR_MOVES,
     FLOOR_SOURCES,
     NOT_SCORED,
     chance,
@@ -183,7 +184,20 @@ def _error(path: list[Node], fit: Fit, first: FirstFigures | None) -> Markup:
             tag("tbody", rows),
             class_="figures",
         ),
+        _turns(node),
+        tag("p", FLOOR_MOVES, class_="about") if source == "repeats" else None,
     )
+
+
+def _turns(node: Node) -> Markup | None:
+    """The error of orientation; None where orientations were not measured."""
+    if node.turn_error_rad is None:
+        return None
+    figures = [
+        f"{name} {node.turn_error_rad[key] / ARCSECOND:.1f}″"
+        for key, name in zip(("mean", "rms", "p95", "max"), ERROR_FIGURES.values(), strict=True)
+    ]
+    return tag("p", f"Error of orientation, training poses: {', '.join(figures)}", class_="about")
 
 
 def _error_row(name: str, figures: dict[str, float]) -> Markup:
