@@ -15,7 +15,7 @@ from armtrue.checking.report import Finding
 from armtrue.checking.scatter import rounding, sigma
 from armtrue.errors import InputError
 from armtrue.io.catalogue import with_role
-from armtrue.io.dataset import Dataset
+from armtrue.io.dataset import Dataset, with_travels
 from armtrue.io.model import Model
 from armtrue.io.robot import Robot
 
@@ -71,7 +71,7 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
 
     model = Model([{"effect": effect} for effect in with_role("placement", "geometry")])
     try:
-        geometry = fit(data.take(evenly(data.count, _ROWS)), robot, model, folds=2)
+        geometry = fit(with_travels(data).take(evenly(data.count, _ROWS)), robot, model, folds=2)
         untestable = json.loads(_core.untestable(geometry.core))
     except InputError as error:
         return [Finding("no_fit", "warning", f"the geometry cannot be fitted to these data: {error}")]

@@ -84,9 +84,11 @@ def find_travel(data: Dataset, robot: Robot) -> list[Finding]:
     """A warning for each joint that came further in one direction than it can turn."""
     findings = []
     for k, joint in enumerate(robot.joints, start=1):
-        if f"travel{k}" not in data.columns or "limits" not in joint or k in robot.passive:
+        name = f"travel{k}"
+        recorded = name in data.columns and name not in data.derived
+        if not recorded or "limits" not in joint or k in robot.passive:
             continue
-        furthest, (lo, hi) = float(data.columns[f"travel{k}"].max()), joint["limits"]
+        furthest, (lo, hi) = float(data.columns[name].max()), joint["limits"]
         if furthest <= _MOST_TRAVEL * (hi - lo):
             continue
         unit, per_unit = ("deg", math.radians(1.0)) if joint["type"] == "revolute" else ("mm", 1e-3)
@@ -95,10 +97,10 @@ def find_travel(data: Dataset, robot: Robot) -> list[Finding]:
             Finding(
                 "travel_unit",
                 "warning",
-                f"{data.file.name} column travel{k}: found {furthest:.3g}, expected no more than the {hi - lo:.3g} "
+                f"{data.file.name} column {name}: found {furthest:.3g}, expected no more than the {hi - lo:.3g} "
                 f"between the limits of joint {k}: how far it came in its last direction{likely}",
                 {"joint": k, "found": furthest, "range": hi - lo},
-                f"Give it its unit in dataset.yaml, as in 'travel{k}: {{column: travel{k}, unit: {unit}}}' under "
+                f"Give it its unit in dataset.yaml, as in '{name}: {{column: {name}, unit: {unit}}}' under "
                 "columns, or leave the column out.",
             )
         )

@@ -53,7 +53,8 @@ class Dataset:
     `rows`: the file row of each entry (the header is 1 if it is the first line). `notes`: what the reader did.
     `skipped`: file row → error, for the unreadable rows left out with `skip_bad`. `left_out`: file rows that a user
     marked as wrong. `turns`: the file's Euler angles (N, 3) [rad], if it has any; `rotation`: how they were read.
-    `passive`: the file's columns `qK` of joints without a motor, for which `columns` has zeros.
+    `passive`: the file's columns `qK` of joints without a motor, for which `columns` has zeros. `derived`: names of
+    columns that no file has, but the order of the rows.
     """
 
     path: Path
@@ -67,6 +68,7 @@ class Dataset:
     skipped: dict[int, str] = field(default_factory=dict)
     left_out: list[int] = field(default_factory=list)
     passive: dict[str, Array] = field(default_factory=dict)
+    derived: frozenset[str] = frozenset()
 
     @property
     def count(self) -> int:
@@ -172,15 +174,14 @@ def load_data(
     if need_position:
         # In poses to predict, a direction of 0 is an unspecified one.
         data = _without_unrecorded(data)
+    if "dir" in layout.from_order and "travel" not in layout.from_order:
+        data = replace(data, derived=frozenset(directions(data.columns)))
     if not strict:
         return data
     refuse_wrong_units(data.file, data.columns, data.rows, robot)
-    # Directions derived from the order of rows cannot confirm that the arm moved from row to row.
-    order_tells = "dir" not in layout.from_order or "travel" in layout.from_order
     if not need_position:
-        return in_file_order(with_travels(data) if order_tells else data)
-    data = without_copies(data)
-    return without_fixed_targets(with_travels(data) if order_tells else data)
+        return in_file_order(with_travels(data))
+    return without_fixed_targets(with_travels(without_copies(data)))
 
 
 def _with_passive_still(data: Dataset, robot: Robot) -> Dataset:
@@ -284,7 +285,8 @@ def without_copies(data: Dataset) -> Dataset:
 
 def with_travels(data: Dataset) -> Dataset:
     """`data` with the columns `travel1…traveln` derived from the order of its rows, and a note that says so."""
-    found = travels(data.columns)
+    # Directions derived from the order of rows cannot confirm that the arm moved from row to row.
+    found = {} if data.derived else travels(data.columns)
     if not found:
         return data
     joints = sorted(int(name.removeprefix("travel")) for name in found)
@@ -292,7 +294,7 @@ def with_travels(data: Dataset) -> Dataset:
         f"{data.file.name}: {span('travel', joints)}, how far a joint came in its last direction, follows from the "
         "order of the rows, with which dir agrees"
     )
-    return replace(data, columns=data.columns | found, notes=[*data.notes, note])
+    return replace(data, columns=data.columns | found, notes=[*data.notes, note], derived=frozenset(found))
 
 
 def _without_unrecorded(data: Dataset) -> Dataset:
