@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,7 +24,7 @@ from armtrue.cli.shared.options import (
 )
 from armtrue.cli.shared.output import Output, plain_table, waiting
 from armtrue.cli.shared.parameters import present_parameters
-from armtrue.errors import InputError, did_you_mean
+from armtrue.errors import ForeignError, InputError, did_you_mean
 from armtrue.io import load_model, load_robot
 from armtrue.io.catalogue import catalogue
 from armtrue.io.model import check_effect
@@ -76,7 +77,10 @@ def fit(
 
     output = Output(json_to)
     arm = load_robot(robot)
-    measurements = load_measurements(data, arm, [out, json_to], skip_bad=skip_bad)
+    try:
+        measurements = load_measurements(data, arm, [out, json_to], skip_bad=skip_bad)
+    except ForeignError as error:
+        raise InputError(f"{error} --model {shlex.quote(str(model))}") from None
     effects = load_model(model, arm, measurements.columns)
     if leave_out is not None:
         rows = _whole_numbers(leave_out, "--leave-out", "row numbers such as 12,40")

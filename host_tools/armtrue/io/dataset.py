@@ -21,12 +21,12 @@ from armtrue.io.layout import (
     RotationSource,
     TimeSource,
     contract_layout,
-    foreign_hint,
+    foreign,
     read_stamp,
     yaml_layout,
 )
 from armtrue.io.model import EXPRESSION_WORDS, state_names
-from armtrue.io.plausible import refuse_lost, refuse_wrong_units
+from armtrue.io.plausible import WrongUnitError, refuse_lost, refuse_wrong_units
 from armtrue.io.robot import Robot
 from armtrue.io.sensor_names import contract_name
 from armtrue.io.ways import directions, travels
@@ -149,11 +149,11 @@ def load_data(
     Errors: InputError naming file, row and column or key, what was found and what was expected.
     """
     path = Path(path)
-    foreign = path.suffix.lower() in (".yaml", ".yml")
-    layout = yaml_layout(path, robot) if foreign else contract_layout(path, robot)
+    described = path.suffix.lower() in (".yaml", ".yml")
+    layout = yaml_layout(path, robot) if described else contract_layout(path, robot)
     if not need_position:
         layout = layout.without_measurements()
-    _require_columns(layout, path if foreign else layout.file, robot, need_position)
+    _require_columns(layout, path if described else layout.file, robot, need_position)
     skipped: dict[int, str] = {}
     while True:
         try:
@@ -178,7 +178,12 @@ def load_data(
         data = replace(data, derived=frozenset(directions(data.columns)))
     if not strict:
         return data
-    refuse_wrong_units(data.file, data.columns, data.rows, robot)
+    try:
+        refuse_wrong_units(data.file, data.columns, data.rows, robot)
+    except WrongUnitError as error:
+        if described or not need_position or not error.of_geometry:
+            raise
+        raise foreign(str(error), path, robot) from None
     if not need_position:
         return in_file_order(with_travels(data))
     return without_fixed_targets(with_travels(without_copies(data)))
@@ -347,11 +352,19 @@ def without_fixed_targets(data: Dataset) -> Dataset:
 
 def _require_columns(layout: Layout, path: Path, robot: Robot, need_position: bool) -> None:
     names = layout.names()
-    for name in ColumnNames(robot).required(need_position):
+    required = ColumnNames(robot).required(need_position)
+    for name in required:
         if name not in names:
+            alike = [own for own in required if (own in POSITION) == (name in POSITION)]
+            others = (
+                f" beside {', '.join(own for own in alike if own in names)}" if names & set(alike) else ""
+            )
             near = did_you_mean(name, layout.unused)
-            hint = foreign_hint(path, robot) if path == layout.file else ""
-            raise InputError(f"{path}: found no column '{name}', expected it{near}{hint}")
+            found = f"{path}: found no column '{name}'{'' if near else others}, expected it{near}"
+            # A file that has the others under their names is in the contract's form, and only lacks this one.
+            if path != layout.file or (others and not near):
+                raise InputError(found)
+            raise foreign(found, path, robot)
     for group in (QUATERNION, POSITION):
         missing = [name for name in group if name not in names]
         if missing and len(missing) < len(group):
