@@ -157,6 +157,16 @@ def test_each_added_effect_has_a_complete_card(text, report):
             assert words in card
 
 
+def test_card_of_an_effect_of_the_measurement_has_the_formula_of_its_own_joint(tmp_path):
+    hidden = [{"effect": "command_readback", "joints": [3]}]
+    fit = fitted(tmp_path, {"arm": "kr30", "seed": 5, "columns": {"add": ["qr"]}, "hidden": hidden})
+    text = page(gather([fit]))
+    card = text[text.index('<section id="effects"') :].split("</figure>")[0]
+    assert "<h3>command_readback" in card
+    assert "motor3 += c·(q3 - qr3)" in card
+    assert "does not move the arm" in card
+
+
 def test_header_names_date_version_and_data_file(text, report):
     header = text[: text.index("<nav")]
     checksum = hashlib.sha256(report.last.fit.data.file.read_bytes()).hexdigest()

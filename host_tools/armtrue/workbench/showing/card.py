@@ -12,9 +12,9 @@ from armtrue.report.content import added_variable
 from armtrue.report.markup import Content, Markup, join, tag
 from armtrue.report.parts import listed, micrometres, typeset
 from armtrue.report.pictures import charts
-from armtrue.report.pictures.effect_picture import effect_picture
+from armtrue.report.pictures.effect_picture import effect_sweep
 from armtrue.report.sections.diagnosis_sections import values_list
-from armtrue.report.sections.effect_card import bound_lines, formula_block, sweep_of
+from armtrue.report.sections.effect_card import bound_lines, formula_block, picture_of
 from armtrue.verdicts import chance, why_words
 from armtrue.workbench.actions import candidates_of
 from armtrue.workbench.session import Session
@@ -69,16 +69,16 @@ def _chosen(session: Session, place: str) -> tuple[list[dict[str, Any]], int]:
 
 
 def _picture_and_formula(fit: Fit, candidate: dict[str, Any], info: EffectInfo) -> Content:
-    sweep = sweep_of(fit, candidate, info)
+    sweep = effect_sweep(fit, candidate)
     formula = formula_block(info, sweep)
     lines = sketching.sketch(info)
     course = (
-        tag("details", tag("summary", "Its course, as text"), tag("pre", "\n".join(lines))) if lines else None
+        tag("details", tag("summary", "Its course on a sample arm, as text"), tag("pre", "\n".join(lines)))
+        if lines
+        else None
     )
-    if sweep is None:
-        return [formula, course]
-    picture, words = effect_picture(fit, candidate, sweep)
-    still = elements.button("Hold still", "hold", aria_pressed="false")
+    picture, words = picture_of(fit, candidate, info, sweep)
+    still = elements.button("Hold still", "hold", aria_pressed="false") if picture else None
     return [
         tag("figure", picture, tag("figcaption", words, " ", still)),
         tag("h3", "Formula"),
