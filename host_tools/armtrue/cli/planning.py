@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from armtrue.cli.shared.findings import following
 from armtrue.cli.shared.fits import load_with_data
 from armtrue.cli.shared.options import JsonOption, MovedDataOption, OutOption
 from armtrue.cli.shared.output import Output, plain_table, waiting
@@ -162,7 +163,9 @@ def plan(
                 rivals = ambiguity.open if ambiguity else []
             result = planning.plan(fit, poses, rivals=rivals, progress=progress, **settings)
         if not candidates and not sharpen:
-            _present_ambiguity(ambiguity, result, f"armtrue plan {fit_file}", output)
+            moved = f" --data {shlex.quote(str(data))}" if data else ""
+            again = f"--poses {poses} --out {shlex.quote(str(following(out)))}{moved}"
+            _present_ambiguity(ambiguity, result, f"armtrue plan {shlex.quote(str(fit_file))}", again, output)
     write_file(out, result.csv())
     present_plan(result, output)
     output.say(f"\nwritten: {out}")
@@ -184,8 +187,13 @@ def present_plan(plan: Plan, output: Output) -> None:
         _present_campaign(plan, output)
 
 
-def _present_ambiguity(ambiguity: Ambiguity | None, plan: Plan, command: str, output: Output) -> None:
-    """Print what the data already decide about a diagnosis' ambiguity set, and thus the purpose of the poses."""
+def _present_ambiguity(
+    ambiguity: Ambiguity | None, plan: Plan, command: str, rest: str, output: Output
+) -> None:
+    """Print what the data already decide about a diagnosis' ambiguity set, and thus the purpose of the poses.
+
+    `command`, `rest`: what stands before and after the candidates in the command that separates them all the same.
+    """
     if ambiguity is None:
         output.say("The diagnosis recommends no effect: these poses are for the fit's own parameters.")
         return
@@ -212,13 +220,11 @@ def _present_ambiguity(ambiguity: Ambiguity | None, plan: Plan, command: str, ou
         if all(rival.decided for rival in ambiguity.rivals)
         else "No pose rules out a table"
     )
-    closest = [
-        shlex.quote(argument_of(name)) for name in (ambiguity.candidate, ambiguity.rivals[0].candidate)
-    ]
     output.say(
-        f"{why}: these poses are for the fit's own parameters. To measure the difference all the same: "
-        f"{command} --candidates {' '.join(closest)} --poses {plan.count} --out FILE"
+        f"{why}: these poses are for the fit's own parameters. To measure the difference all the same:"
     )
+    closest = [argument_of(name) for name in (ambiguity.candidate, ambiguity.rivals[0].candidate)]
+    output.line(f"  {command} --candidates {shlex.join(closest)} {rest}\n")
 
 
 def preference(rival: Rival) -> str:

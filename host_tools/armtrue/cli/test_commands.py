@@ -90,7 +90,12 @@ def test_diagnose_prints_the_coefficients_it_recommends(folder):
     values = re.findall(r"gear_harmonics\[3\]\.(\w+) = (-?[\d.]+) ± ([\d.]+) ″", run.stdout)
     assert [name for name, _, _ in values] == ["sin1", "cos1", "sin2", "cos2"]
     assert all(float(sigma) > 0.0 for _, _, sigma in values)
-    assert "another candidate explains the residual better" in run.stdout
+    said = " ".join(run.stdout.split())
+    assert ": gear_harmonics 3 explains more of the squared residual" in said
+    assert "explains more than gear_harmonics 3, but with 81 parameters instead of 4" in said
+    assert "prefers the first, but the second explains more with 81 parameters instead of 4" in said
+    # The data decide: plan would only say so.
+    assert "armtrue plan" not in run.stdout
 
 
 def test_commands_printed_by_diagnose_can_be_pasted(folder, tmp_path):
@@ -102,8 +107,6 @@ def test_commands_printed_by_diagnose_can_be_pasted(folder, tmp_path):
     added = armtrue(*shlex.split(line)[1:], cwd=tmp_path)
     assert added.returncode == 0, added.stderr
     assert (tmp_path / "my arm" / "first try2.json").exists()
-    (line,) = [line for line in run.stdout.splitlines() if line.startswith("  armtrue plan ")]
-    assert shlex.split(line)[2] == "my arm/first try.json"
     assert " FIT" not in run.stdout
 
 

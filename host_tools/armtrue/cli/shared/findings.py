@@ -117,16 +117,14 @@ def _next_commands(advice: list[str], fit_file: Path, data: Path | None) -> list
     for line in advice:
         if _COMMAND in line:
             command = line[line.index(_COMMAND) :].replace(" FIT ", f" {fit} ")
-            commands.append(
-                f"{command.removesuffix(' FIT2')} {shlex.quote(str(_following(fit_file)))}{moved}"
-            )
+            commands.append(f"{command.removesuffix(' FIT2')} {shlex.quote(str(following(fit_file)))}{moved}")
     if any("armtrue plan" in line for line in advice):
         poses = shlex.quote(str(fit_file.with_name("poses.csv")))
         commands.append(f"armtrue plan {fit} --poses 12 --out {poses}{moved}")
     return commands
 
 
-def _following(fit_file: Path) -> Path:
+def following(fit_file: Path) -> Path:
     """fit.json → fit2.json → fit3.json: the first that does not exist."""
     stem = fit_file.stem.rstrip("0123456789") or fit_file.stem
     number = int(fit_file.stem[len(stem) :] or 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -138,6 +139,18 @@ def test_diagnosis_shows_separability_reasons_and_predicted_error(capsys):
     )
     assert "  · gear_harmonics[3].cos1 = -42.1 ± 2.0 ″" in lines
     assert "error on held-out poses: mean 69.9 µm, RMS 78.7 µm, 95 % 131.3 µm, max 229.2 µm" in lines
+
+
+def test_open_question_leads_to_a_plan_that_can_be_pasted(capsys):
+    result = {
+        **RESULT,
+        "advice": ["A or B: this data cannot tell; armtrue plan chooses poses that separate them"],
+    }
+    present_diagnosis(result, Output(None), Path("my arm/first try.json"), Path("my arm/data.csv"))
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  armtrue plan ")]
+    words = shlex.split(line)
+    assert words[2] == "my arm/first try.json"
+    assert words[-4:] == ["--out", "my arm/poses.csv", "--data", "my arm/data.csv"]
 
 
 def test_candidates_above_50_percent_are_listed_as_missing(capsys):
