@@ -85,6 +85,13 @@ def test_diagnose_names_hidden_effect_and_add_lowers_the_error(folder):
     assert figures["error"]["held_out"]["mean_um"] < 0.6 * figures["before"]["held_out"]["mean_um"]
 
 
+def test_folder_of_a_campaign_may_have_the_name_of_its_scenario(tmp_path):
+    for _ in ("new", "there already"):
+        run = armtrue("simulate", "kr30-eccentric-gear", "--out", "kr30-eccentric-gear", cwd=tmp_path)
+        assert run.returncode == 0, run.stderr
+    assert (tmp_path / "kr30-eccentric-gear" / "data.csv").exists()
+
+
 def test_diagnose_prints_the_coefficients_it_recommends(folder):
     run = armtrue("diagnose", "fit.json", cwd=folder)
     values = re.findall(r"gear_harmonics\[3\]\.(\w+) = (-?[\d.]+) ± ([\d.]+) ″", run.stdout)
