@@ -6,6 +6,8 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from armtrue.candidates import spelled
+
 _WORDS = {
     "nothing_missing": "Nothing is missing: what is left is noise.",
     "missing_effect": "An effect is missing.",
@@ -45,8 +47,8 @@ PARTS_OF_ERROR = {
 
 
 def with_signs(sentence: str) -> str:
-    """A sentence of the diagnosis, which is plain ASCII, with units and arrows as they are printed."""
-    return sentence.replace(" um", " µm").replace(" urad", " µrad").replace("->", "→")
+    """A sentence of the diagnosis, which is plain ASCII, with names, units and arrows as they are printed."""
+    return spelled(sentence).replace(" um", " µm").replace(" urad", " µrad").replace("->", "→")
 
 
 def scored(figures: Mapping[str, Any]) -> dict[str, Any]:

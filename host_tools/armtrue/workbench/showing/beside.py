@@ -16,7 +16,7 @@ from armtrue.verdicts import chance
 from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.elements import button, card, number_of
 from armtrue.workbench.showing.further import Result
-from armtrue.workbench.showing.names import called, called_among, named
+from armtrue.workbench.showing.names import called, named
 from armtrue.workbench.showing.poses import planned
 from armtrue.workbench.showing.words import length
 
@@ -153,11 +153,11 @@ def swaps(session: Session, place: str) -> str:
     rows = [
         tag(
             "li",
-            tag("span", f"{called_among(each, candidates)}: probability {chance(each['probability'])}"),
+            tag("span", f"{named(each)}: probability {chance(each['probability'])}"),
             " ",
             button(
                 "Put in its place", "swap", effect=number, entry=model_entry(each),
-                aria_label=f"Put {called_among(each, candidates)} in the place of {named(old)}",
+                aria_label=f"Put {named(each)} in the place of {named(old)}",
             ),
         )
         for each in others[:_MOST_RIVALS]

@@ -19,7 +19,7 @@ from armtrue.verdicts import chance, why_words
 from armtrue.workbench.actions import candidates_of
 from armtrue.workbench.session import Session
 from armtrue.workbench.showing import elements
-from armtrue.workbench.showing.names import called, called_among
+from armtrue.workbench.showing.names import called, named
 
 _NEIGHBOURS = 3
 
@@ -30,7 +30,7 @@ def card(session: Session, place: str) -> str:
     candidate, fit = candidates[number], session.fit_of(session.at)
     info = catalogue()[candidate["effect"]]
     return elements.card(
-        called_among(candidate, candidates),
+        named(candidate),
         tag("p", info.summary),
         _picture_and_formula(fit, candidate, info),
         bound_lines(info),
@@ -100,10 +100,8 @@ def _neighbours(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> 
     for other in shown:
         words = f"probability {chance(other['probability'])}, explains {100.0 * other['explained']:.1f} %"
         hardly = "; these data hardly tell the two apart" if other in alike else ""
-        lines.append(
-            [tag("b", called_among(other, candidates)), f": {words}{hardly}; {typeset(why_words(other))}."]
-        )
-    return join(tag("p", f"{called_among(candidate, candidates)}: {own}."), listed(lines))
+        lines.append([tag("b", named(other)), f": {words}{hardly}; {typeset(why_words(other))}."])
+    return join(tag("p", f"{named(candidate)}: {own}."), listed(lines))
 
 
 def _alike(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -118,7 +116,7 @@ def _deciding(candidate: dict[str, Any], candidates: list[dict[str, Any]], numbe
         rivals = [] if nearest is None else [nearest]
     if not rivals:
         return tag("p", "There is nothing to tell it from.")
-    names = ", ".join(called_among(candidates[k], candidates) for k in rivals)
+    names = ", ".join(named(candidates[k]) for k in rivals)
     return tag(
         "p",
         f"Poses that tell it from {names} best are planned and drawn under What next. ",
