@@ -103,7 +103,7 @@ def entry_of(label: str) -> dict[str, Any]:
 
 
 def parameter_lines(parameters: list[dict[str, Any]]) -> list[str]:
-    """Each parameter of a candidate with its sigma; one line for a table or grid, whose nodes are the score's."""
+    """Each parameter of a candidate with its sigma; one line for a table or grid."""
     tables: dict[str, list[dict[str, Any]]] = {}
     lines = []
     for parameter in parameters:
@@ -121,7 +121,7 @@ def parameter_lines(parameters: list[dict[str, Any]]) -> list[str]:
         high, _, high_unit = value_and_sigma(max(values), None, nodes[0]["unit"])
         spread, _, spread_unit = value_and_sigma(typical, None, nodes[0]["unit"])
         lines.append(
-            f"{stem}: {len(nodes)} nodes from {low} {unit} to {high} {high_unit}, "
-            f"each ± {spread} {spread_unit} (median); these nodes are the score's, a fit has its own"
+            f"{stem}: {len(nodes)} nodes from {low} {unit} to {high} {high_unit}, typically ± {spread} "
+            f"{spread_unit}; a fit chooses its own nodes"
         )
     return lines

@@ -248,6 +248,19 @@ def test_travel_that_follows_from_the_rows_is_no_column_of_the_file(campaign, tm
     assert not any("hysteresis" in finding.message for finding in found)
 
 
+def test_untestable_effects_have_a_remedy_that_can_be_followed(campaign):
+    found = {
+        finding.evidence["effect"]: finding
+        for finding in check(*campaign()).findings
+        if finding.code == "untestable"
+    }
+    assert found["nest"].message == "nest cannot be tested without the column nest"
+    assert found["nest"].remedy.startswith("Record it")
+    assert "the columns qr1 to qr6" in found["command_readback"].message
+    assert found["parallelogram"].remedy.startswith("State it in robot.yaml")
+    assert found["axis_straightness"].remedy == ""
+
+
 def test_gear_ratio_below_one_is_reported(campaign):
     data, robot = campaign()
     assert units.find_ratios(robot) == []

@@ -225,7 +225,7 @@ def present_fit(result: Fit, output: Output, all_parameters: bool = False) -> No
     output.say(floor_sentence(document))
     if document.get("statics") == "nominal":
         output.say(
-            "loads act as at the commanded angles: with those of the arm as it gives way, the fit is worse"
+            "gravity loads are calculated at the commanded angles: calculated at the deflected ones, they fit worse"
         )
     present_parameters(document, output, all_parameters)
     rejected = document.get("rejected", [])

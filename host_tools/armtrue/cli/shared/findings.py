@@ -18,6 +18,7 @@ from armtrue.verdicts import (
     NOT_SCORED,
     OTHER_SENSOR_ADVICE,
     chance,
+    needs_words,
     of_other_sensors,
     scored,
     verdict_words,
@@ -62,7 +63,9 @@ def present_diagnosis(
     _present_candidates(result, output)
     if result.get("untestable"):
         output.title("Not testable with what was recorded")
-        output.items([f"{entry['effect']} needs {_words(entry['needs'])}" for entry in result["untestable"]])
+        output.items(
+            [f"{entry['effect']} needs {needs_words(entry['needs'])}" for entry in result["untestable"]]
+        )
     advice = result.get("advice", [])
     # Untestable effects are already listed above.
     if sentences := [line for line in advice if _COMMAND not in line and not line.startswith("not testable")]:
@@ -226,7 +229,3 @@ def _present_structure(findings: list[dict[str, Any]], output: Output) -> None:
     if lines:
         output.title("Left over")
         output.items(list(lines.values()))
-
-
-def _words(value: Any) -> str:
-    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -75,7 +75,11 @@ RESULT: dict[str, Any] = {
         candidate("backlash", [2]),
     ],
     "unexplained": [],
-    "untestable": [{"effect": "parallelogram", "needs": ["linkage in robot.yaml"]}],
+    "untestable": [
+        {"effect": "command_readback", "needs": ["qr1", "qr2", "qr3", "qr4"]},
+        {"effect": "nest", "needs": ["nest"]},
+        {"effect": "parallelogram", "needs": ["linkage in robot.yaml"]},
+    ],
     "advice": ["add it: armtrue add FIT gear_harmonics --joints 3 --out FIT2"],
 }
 
@@ -113,7 +117,7 @@ def test_parameter_lines_put_all_nodes_of_a_table_in_one_line():
         for k in range(1, 5)
     ]
     lines = parameter_lines([*nodes[:2], parameter("backlash[2].dir", 1e-4, 1e-6, "rad"), *nodes[2:]])
-    spread = "each ± 0.2063 ″ (median); these nodes are the score's, a fit has its own"
+    spread = "typically ± 0.2063 ″; a fit chooses its own nodes"
     assert lines == [
         "backlash[2].dir = 20.63 ± 0.21 ″",
         f"transmission_pwl[2]: 4 nodes from 4.125 ″ to 16.50 ″, {spread}",
@@ -139,6 +143,9 @@ def test_diagnosis_shows_separability_reasons_and_predicted_error(capsys):
         in lines
     )
     assert "  · gear_harmonics[3].cos1 = -42.1 ± 2.0 ″" in lines
+    assert "  · command_readback needs the columns qr1 to qr4" in lines
+    assert "  · nest needs the column nest" in lines
+    assert "  · parallelogram needs linkage in robot.yaml" in lines
     assert "error on held-out poses: mean 69.9 µm, RMS 78.7 µm, 95 % 131.3 µm, max 229.2 µm" in lines
 
 

@@ -20,6 +20,7 @@ from armtrue.verdicts import (
     FLOOR_SOURCES,
     NOT_SCORED,
     chance,
+    needs_words,
     scored_mean_um,
     verdict_words,
     why_words,
@@ -322,7 +323,9 @@ def _advice(diagnosis: dict[str, Any]) -> Markup:
     unexplained = dict.fromkeys(
         f"What is left depends on {entry['variable']}: {entry['shape']}" for entry in diagnosis["unexplained"]
     )
-    untestable = [f"{entry['effect']} needs {', '.join(entry['needs'])}" for entry in diagnosis["untestable"]]
+    untestable = [
+        f"{entry['effect']} needs {needs_words(entry['needs'])}" for entry in diagnosis["untestable"]
+    ]
     more = tag(
         "details",
         tag("summary", plural(len(untestable), "effect") + " not testable with what was recorded"),
