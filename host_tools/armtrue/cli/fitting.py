@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -208,9 +209,13 @@ def _without(
 
 
 def summary(result: Fit) -> dict[str, Any]:
-    """The figures of a fit for --json: all of fit.json but the robot and the terms."""
+    """The figures of a fit for --json: all of fit.json but the robot and the terms, and the error of orientation."""
     document = dict(result.document)
     document.pop("robot", None)
+    if (turned := result.orientation_error()) is not None:
+        document["orientation_error"] = {
+            "train": {f"{key}_urad": 1e6 * angle for key, angle in turned.items()}
+        }
     document["parameters"] = [
         {key: value for key, value in parameter.items() if key != "terms"}
         for parameter in document.get("parameters", [])
@@ -222,6 +227,11 @@ def present_fit(result: Fit, output: Output, all_parameters: bool = False) -> No
     """Print the errors, the noise floor, parameters, gross errors, what the data do not determine, and warnings."""
     document = result.document
     output.table(_error_table(document))
+    if (turned := result.orientation_error()) is not None:
+        table = plain_table("error of orientation [″]", *ERROR_FIGURES.values())
+        arcseconds = [f"{math.degrees(turned[key]) * 3600.0:.1f}" for key in ("mean", "rms", "p95", "max")]
+        table.add_row(PARTS_OF_ERROR["train"], *arcseconds)
+        output.table(table)
     output.say(floor_sentence(document))
     if document.get("statics") == "nominal":
         output.say(
@@ -256,7 +266,9 @@ def _error_table(document: dict[str, Any]) -> Any:
     error = document["error"]
     table = plain_table("error [µm]", *ERROR_FIGURES.values(), "rows")
     parts = {name: error.get(part) for part, name in PARTS_OF_ERROR.items()}
-    parts |= {f"  held out by {split}": figures for split, figures in error["held_out_by"].items()}
+    # Held-out poses are those held out at random.
+    splits = error["held_out_by"].items()
+    parts |= {f"  held out by {split}": figures for split, figures in splits if split != "random"}
     for name, figures in parts.items():
         if figures:
             table.add_row(name, *error_words(figures), str(figures.get("n", "")))

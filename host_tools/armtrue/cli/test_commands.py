@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import re
 import shlex
 import shutil
@@ -12,6 +13,7 @@ import subprocess
 import sys
 import time
 
+import armtrue_sim
 import numpy as np
 import pytest
 import typer
@@ -83,6 +85,21 @@ def test_diagnose_names_hidden_effect_and_add_lowers_the_error(folder):
     assert "before, held-out" in run.stdout
     figures = json.loads((folder / "a.json").read_text())
     assert figures["error"]["held_out"]["mean_um"] < 0.6 * figures["before"]["held_out"]["mean_um"]
+
+
+def test_fit_prints_the_error_of_orientation_and_each_figure_once(tmp_path):
+    columns = {"add": ["orientation"]}
+    armtrue_sim.simulate({"arm": "kr30", "seed": 5, "columns": columns, "hidden": []}).write(tmp_path)
+    run = armtrue(*FIT, "--out", "fit.json", "--json", "f.json", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    error = json.loads((tmp_path / "f.json").read_text())["orientation_error"]["train"]
+    assert 0.0 < error["mean_urad"] < error["max_urad"] < 1000.0
+    lines = run.stdout.splitlines()
+    heading = next(k for k, line in enumerate(lines) if "orientation [″]" in line)
+    assert f"{math.degrees(error['mean_urad'] * 1e-6) * 3600:.1f}" in lines[heading + 1]
+    # The held-out poses are those held out at random.
+    assert "held out by random" not in run.stdout
+    assert "value: where the column nominal has a figure, what the fit adds to it" in run.stdout
 
 
 def test_folder_of_a_campaign_may_have_the_name_of_its_scenario(tmp_path):

@@ -189,7 +189,7 @@ def test_orientation_errors_are_listed_beside_position_errors(tmp_path):
 
 
 def test_orientations_are_omitted_if_none_were_measured(report):
-    assert report.last.turn_error_rad is None
+    assert report.last.fit.orientation_error() is None
     assert "rientation" not in page(report).split("<main>")[1].split("<script")[0]
 
 

@@ -31,7 +31,8 @@ _MORE_LIKELY_THAN_NOT = 0.5
 _COMMAND = "armtrue add FIT"
 _LEGEND = (
     "probability: that the arm has it beside what is fitted; explains: share of the squared residual;",
-    "separable: share of its effect that what is fitted cannot imitate; ≈: predicted, not refitted",
+    "separable: share of its effect that what is fitted cannot imitate; ≈: predicted, not refitted;",
+    "error if added: mean on held-out poses; ★: recommended",
 )
 
 
@@ -196,16 +197,17 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
 
 
 def _candidate_table(candidates: list[dict[str, Any]]) -> Table:
-    headers = ("probability", "explains", "separable", "held-out mean\nif added [µm]", "")
-    table = plain_table("    candidate", *headers)
+    table = plain_table("", "candidate", "probability", "explains", "separable", "error if\nadded [µm]", "")
+    table.columns[1].justify = "left"
     for rank, candidate in enumerate(candidates, start=1):
         table.add_row(
-            f"{rank:>2}  {name(candidate)}",
+            f"{rank:>2}",
+            name(candidate),
             chance(candidate["probability"]),
             f"{100 * candidate['explained']:.1f} %",
             f"{100 * candidate['separability']:.1f} %",
             _if_added(candidate),
-            "recommended" if candidate["recommend"] else "",
+            "★" if candidate["recommend"] else "",
         )
     return table
 

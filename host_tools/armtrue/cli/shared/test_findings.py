@@ -129,7 +129,7 @@ def test_diagnosis_shows_separability_reasons_and_predicted_error(capsys):
     lines = printed(RESULT, capsys)
     rows = {line[4:].split("  ")[0]: line.split() for line in lines if line[:2].strip().isdigit()}
     assert rows["gear_harmonics 3"][3:5] == ["97", "%"]
-    assert rows["gear_harmonics 3"][-5:] == ["9.9", "%", "≈", "13.5", "recommended"]
+    assert rows["gear_harmonics 3"][-5:] == ["9.9", "%", "≈", "13.5", "★"]
     assert rows["joint_coupling 2,1"][-4:] == ["50.0", "%", "≈", "45.0"]
     assert rows["backlash 2"][-4:] == ["50.0", "%", "≈", "65.4"]
     assert "gear_mesh 2 (order 13)" in rows

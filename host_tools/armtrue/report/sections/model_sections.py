@@ -32,7 +32,8 @@ from armtrue.report.pictures import charts
 from armtrue.units import value_and_sigma
 
 _PARAMETERS = (
-    "Values of the last step with one standard deviation. ● is known to better than a third of itself, ○ may as well "
+    "Values of the last step with one standard deviation; those of joint zeros and link geometry are added to what "
+    "robot.yaml states. ● is known to better than a third of itself, ○ may as well "
     "be zero. A parameter that is tied to others is known together with them rather than alone."
 )
 _UNOBSERVABLE = (
