@@ -112,8 +112,9 @@ std::string command_to_add(const EffectRequest& request) {
   return "armtrue add FIT " + request.effect + joints + options + " --out FIT2";
 }
 
-// True if the data settle that `best` is the cause and not `other`: no poses need to be measured for
-// that. The figures are those of `armtrue plan` (docs/planning.md, the ambiguity set), not refitted.
+// True if the data settle that `best` is the cause and not `other`: no poses need to be measured
+// for that. The figures are those of `armtrue plan` (docs/planning.md, the ambiguity set), not
+// refitted.
 bool is_settled(const Candidate& best, const Candidate& other) {
   constexpr double kSettled = 10.0;
   return other.delta_bic - best.delta_bic >= kSettled &&
@@ -129,9 +130,8 @@ std::string advise_rival(const Candidate& best, const Candidate& other, int join
   const std::string how = "; " + how_to_tell(best, other, joints);
   const bool settled = is_settled(best, other);
   if (!settled && other.probability >= kImprobable) return either + "this data cannot tell" + how;
-  std::string text =
-      either + "this data prefers the first, but the second explains " +
-      (other.score.explained > best.score.explained ? "more" : "nearly as much");
+  std::string text = either + "this data prefers the first, but the second explains " +
+                     (other.score.explained > best.score.explained ? "more" : "nearly as much");
   if (other.parameters.size() > best.parameters.size()) {
     text += " with " + std::to_string(other.parameters.size()) + " parameters instead of " +
             std::to_string(best.parameters.size());

@@ -189,12 +189,12 @@ std::string why_improbable(const Candidate& c, const Diagnosis& d) {
       "explains more than " + first + ", but with " + std::to_string(c.parameters.size());
   if (c.parameters.size() <= parameters)
     return "explains more than " + first +
-           ", but is less probable: the usual size of such an effect, and joints that repeat badly, "
+           ", but is less probable: the usual size of such an effect, and joints that repeat "
+           "badly, "
            "count as well";
-  return likelier == first
-             ? more + " parameters instead of " + std::to_string(parameters)
-             : more + " parameters; more probable are " + likelier + ", with " +
-                   std::to_string(parameters);
+  return likelier == first ? more + " parameters instead of " + std::to_string(parameters)
+                           : more + " parameters; more probable are " + likelier + ", with " +
+                                 std::to_string(parameters);
 }
 
 void explain(Diagnosis& d, const Fit& fit) {
