@@ -96,8 +96,8 @@ std::int32_t increments_by_increment(std::int32_t units, std::int32_t mantissa, 
   rate_increments = saturate(std::int64_t{in_increments(std::max(rate, fade))} + 2);
 }
 
-std::int64_t JointScale::units_of(std::int32_t increments) const {
-  return round_shift(product(increments, unit_per_increment), unit_shift);
+std::int64_t JointScale::units_of(std::int64_t increments) const {
+  return round_shift(increments * unit_per_increment, unit_shift);
 }
 
 std::int32_t PositionBounds::wrapped(std::int64_t position) const {
@@ -158,8 +158,10 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
     const bool counted_down = scale_[k].counts_down();
     scale_[k] = JointScale(table, k, config_.cycle_us);
     if (scale_[k].counts_down() != counted_down) {
+      // The drive holds increments: these stay, and the joint's own values change their sign.
       change([k](Motion& motion) {
         motion.direction[k] = static_cast<std::int8_t>(-motion.direction[k]);
+        motion.delta[k] = -motion.delta[k];
       });
     }
     magnitude_[k] = largest_correction(table, k);
@@ -201,7 +203,7 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
     motion.has_previous_target = false;
     motion.direction = {};
   });
-  if (blend_ms_ == 0) return true;  // no table yet, and no scale
+  if (!has_had_table()) return true;  // and no scale
   bool fits = true;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const std::int64_t exact = scale_[k].units_of(held[k]);
@@ -269,7 +271,7 @@ Correction Compensator::evaluate(const CycleInput& input, std::uint16_t& flags) 
     // A joint without a drive counts as at zero, whatever target its axis receives.
     target[k] = {};
     if (table.is_passive(k)) continue;
-    target[k] = {scale.units_of(saturate(difference(input.target[k], scale.zero)))};
+    target[k] = {scale.units_of(difference(input.target[k], scale.zero))};
   }
   const Correction wanted =
       solve(table, target, surroundings_of(table, input, motion_.direction), workspace_);

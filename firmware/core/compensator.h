@@ -135,8 +135,9 @@ struct JointScale {
   // Increments per turn or metre; at most INT32_MAX.
   std::int32_t per_turn = 0;
 
-  // 2^-32 turn or metre.
-  std::int64_t units_of(std::int32_t increments) const;
+  // 2^-32 turn or metre. |increments| < 2^32, the difference of two positions; an increment has at
+  // least two units, which leaves room for the rounding.
+  std::int64_t units_of(std::int64_t increments) const;
   // Whether increments fall as the joint's position grows.
   bool counts_down() const { return unit_per_increment < 0; }
 };
@@ -214,6 +215,8 @@ class Compensator {
   // Bit k: joint k has no drive, according to the table in force or, without one, the last that
   // was. Before the first table every joint counts as one with a drive.
   std::uint8_t passive() const { return table_.passive(); }
+  // Whether a table was ever in force.
+  bool has_had_table() const { return blend_ms_ != 0; }
   // Of the table in force or, without one, the last that was.
   const JointScale& scale(std::size_t joint) const { return scale_[joint]; }
 

@@ -747,6 +747,57 @@ TEST_F(CompensatorTest, ReversedDrive_DirectionIsThatOfTheJoint) {
   EXPECT_NEAR(settle(compensator, input).delta[0], -backlash, 1);
 }
 
+TEST_F(CompensatorTest, TableThatCountsDown_KeepsTheCorrectionInIncrements) {
+  for (const bool counts_down : {false, true}) {
+    Compensator own(config());
+    std::deque<Bytes> images;
+    for (const bool is_second : {false, true}) {
+      // Both tables want the same correction in increments.
+      const bool flips = is_second != counts_down;
+      TestImage made(kJoints);
+      made.add_constant(0, flips ? -5e-4 : 5e-4);
+      tests::Bytes& joints = made.section(format::Section::kJoints);
+      tests::put(joints, format::joint::kRateAt, kMinRate);
+      for (const std::size_t at :
+           {format::joint::kUnitPerIncrementAt, format::joint::kIncrementPerUnitAt}) {
+        if (flips) tests::put(joints, at, -load_i32(&joints[at]));
+      }
+      images.push_back(made.image());
+      put_in_force(own, images.back());
+      if (!is_second) settle(own, at(0.2), 30'000);
+    }
+    const std::int32_t before = own.correction_of(29'999, 0);
+    ASSERT_NEAR(std::abs(before), increments(5e-4), 1);
+    for (int k = 0; k < 3000; ++k) {
+      const CycleOutput output = own.cycle(at(0.2));
+      ASSERT_NEAR(output.delta[0], before, 2) << k;
+      if (k == 0) own.take_back();
+    }
+  }
+}
+
+// The position of a joint is target less zero, which needs 33 bits.
+TEST_F(CompensatorTest, Zero_FarFromTheTarget_GivesTheSameAngle) {
+  constexpr std::int32_t kTurn = 1 << 24;
+  const auto correction = [](std::int32_t zero, std::int32_t target) {
+    TestImage made(kJoints);
+    made.add_harmonic(0, 0, 1.0, 0.1, 2e-3);
+    tests::put(made.section(format::Section::kJoints), format::joint::kZeroAt, zero);
+    const Bytes image = made.image();
+    Compensator own(config());
+    put_in_force(own, image);
+    CycleInput input;
+    input.target[0] = target;
+    return settle(own, input).delta[0];
+  };
+  const std::int32_t expected = correction(0, 123'456);
+  ASSERT_NE(expected, 0);
+  for (const std::int32_t turns : {1, 100, 127}) {
+    EXPECT_EQ(correction(-turns * kTurn, turns * kTurn + 123'456), expected) << turns;
+    EXPECT_EQ(correction(turns * kTurn, -turns * kTurn + 123'456), expected) << turns;
+  }
+}
+
 TEST(PositionBoundsTest, WayOverManyTurns_IsTheShortest) {
   const PositionBounds turn{.range_low = 0, .range_high = 999};
   for (const std::int64_t turns : {-2'000'000, -3, -2, -1, 0, 1, 2, 3, 2'000'000}) {

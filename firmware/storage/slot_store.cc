@@ -259,19 +259,31 @@ StoreResult SlotStore::commit(std::span<const std::uint8_t> image) {
   return StoreResult::kDone;
 }
 
-StoreResult SlotStore::activate(std::span<std::uint8_t> buffer,
-                                std::span<const std::uint8_t>& image) {
+StoreResult SlotStore::load_pending(std::span<std::uint8_t> buffer,
+                                    std::span<const std::uint8_t>& image) {
   const std::optional<std::size_t> slot = slot_in(SlotState::kPending);
   if (!slot) return StoreResult::kNothingPending;
   if (status_.slot[*slot].length > buffer.size()) return StoreResult::kTooLarge;
   const std::span<const std::uint8_t> loaded = load(*slot, buffer);
   if (loaded.empty()) return StoreResult::kImageChanged;
   if (verifier_.verify(loaded) != TableVerdict::kAccepted) return StoreResult::kTableRefused;
+  image = loaded;
+  return StoreResult::kDone;
+}
+
+StoreResult SlotStore::begin_trial() {
+  const std::optional<std::size_t> slot = slot_in(SlotState::kPending);
+  if (!slot) return StoreResult::kNothingPending;
   if (!append(*slot, Mark::kTrial)) return StoreResult::kProgramFailed;
   status_.slot[*slot].state = SlotState::kTrial;
   status_.active = slot;
-  image = loaded;
   return StoreResult::kDone;
+}
+
+StoreResult SlotStore::activate(std::span<std::uint8_t> buffer,
+                                std::span<const std::uint8_t>& image) {
+  const StoreResult loaded = load_pending(buffer, image);
+  return loaded == StoreResult::kDone ? begin_trial() : loaded;
 }
 
 StoreResult SlotStore::confirm() {

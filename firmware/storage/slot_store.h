@@ -87,9 +87,15 @@ class SlotStore {
   // seconds.
   StoreResult commit(std::span<const std::uint8_t> image);
 
-  // Begins the trial of the pending image: copies it into `buffer`, verifies it again, marks the
-  // trial, and sets `image` to it. On any other result than kDone the active table is as before,
-  // and `image` is untouched.
+  // Copies the pending image into `buffer`, verifies it again, and sets `image` to it. On any other
+  // result than kDone `image` is untouched.
+  StoreResult load_pending(std::span<std::uint8_t> buffer, std::span<const std::uint8_t>& image);
+
+  // Marks the trial of the image that load_pending() returned last. On any other result than kDone
+  // the active table is as before.
+  StoreResult begin_trial();
+
+  // Both: load_pending(), then begin_trial().
   StoreResult activate(std::span<std::uint8_t> buffer, std::span<const std::uint8_t>& image);
 
   // Makes the table on trial the table of every later start.

@@ -270,6 +270,7 @@ class NodeBench {
   storage::SimulatedFlash flash;
   MemoryParameters parameters;
   const PortHealth* health = nullptr;  // from the next power_on() on
+  std::uint32_t cycle_us = 1000;       // control period, likewise
   std::uint64_t now_us = 1'000'000;
   std::vector<CanFrame> aside;
   std::uint64_t lives = 0;  // power-ons and NMT node resets
@@ -277,7 +278,7 @@ class NodeBench {
  private:
   struct Life {
     explicit Life(NodeBench& bench)
-        : compensator({.joint_count = 6, .cycle_us = 1000}),
+        : compensator({.joint_count = 6, .cycle_us = bench.cycle_us}),
           verifier(bench.device),
           store(bench.flash, verifier),
           node({.node_id = kNodeId, .serial_number = 7, .joint_count = 6, .clock_us = &clock},

@@ -63,7 +63,7 @@ def fit_text(document: Mapping[str, Any]) -> str:
     lines += [
         f"{row[0]:{width}}" + "".join(f"{cell:>10}" for cell in row[1:]) for row in error_rows(document)
     ]
-    effects = ", ".join(name(entry) for entry in document["model"]["effects"])
+    effects = "; ".join(name(entry) for entry in document["model"]["effects"])
     return "\n".join([*lines, floor_sentence(document), f"effects: {effects}"])
 
 
@@ -77,7 +77,7 @@ def fit_html(document: Mapping[str, Any]) -> str:
         rows.append([entry["name"], value, sigma, unit])
     more = len(told) - len(rows)
     caption = f"Parameters{f', the first {len(rows)} of {len(told)}' if more else ''}"
-    effects = ", ".join(name(entry) for entry in document["model"]["effects"])
+    effects = "; ".join(name(entry) for entry in document["model"]["effects"])
     return (
         errors
         + f"<p>{escape(floor_sentence(document))}<br>effects: {escape(effects)}</p>"

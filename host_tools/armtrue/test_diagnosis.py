@@ -46,7 +46,7 @@ def test_steps_of_a_refinement_are_diagnoses(believed):
     assert story.steps[-1].recommended is None
     assert story.effects == best.effects
     assert "as it stood" in str(story).splitlines()[0]
-    assert str(story).splitlines()[1].endswith("+ gear_harmonics [3]")
+    assert str(story).splitlines()[1].endswith("+ gear_harmonics 3")
 
 
 def test_notebook_shows_base_and_tool_of_a_fit_as_the_terminal_does(believed):

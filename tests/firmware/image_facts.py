@@ -112,6 +112,8 @@ def frame_of(function: str, sizes: dict[str, int]) -> int:
             return sizes[name]
     if function in _ASSEMBLY:
         return _ASSEMBLY[function]
+    if function.startswith("_ZThn"):  # a thunk adjusts `this` and jumps to the function itself
+        return 0
     if _LIBRARY.match(function):
         return LIBRARY_FRAME
     raise AssertionError(f"{function}: no stack information")
@@ -180,14 +182,15 @@ INDIRECT_CALLS: dict[str, str] = {
         r"TableTransfer::finish_download\(|Node::(before_write|after_write)\("
     ),
     r"canopen::TpdoProducer::sample\(": r"Node::before_read\(",
+    r"canopen::TableTransfer::(command|commit|check_axes)\(": r"Node::may_(erase|change_axes)\(",
     r"canopen::JointPath::(compute|take_target)\(": r"(stm32f405|r5f)::clock_us\(|" + _PORT + r"send\(",
     r"canopen::Node::handle_(sync|upstream)\(": r"(stm32f405|r5f)::clock_us\(|" + _PORT + r"send\(",
     r"(storage::SlotStore|canopen::TableTransfer)::capacity\(": _FLASH + r"slot_size\(",
-    r"storage::SlotStore::(read_header|is_blank|load|classify|activate|commit|load_active)\(": _FLASH
+    r"storage::SlotStore::(read_header|is_blank|load|classify|load_pending|activate|commit|load_active)\(": _FLASH
     + r"(read|slot_size)\(",
     r"storage::SlotStore::program\(": _FLASH + r"(program|read)\(",
     r"storage::SlotStore::erase\(": _FLASH + r"erase\(",
-    r"storage::SlotStore::(classify|load_active|commit|activate)\(": _VERIFY,
+    r"storage::SlotStore::(classify|load_active|commit|load_pending|activate)\(": _VERIFY,
 }
 _BY_POINTER = re.compile(r"\tblx\t(r\d+|ip|lr)|\tbx\t(r\d+|ip)\b")
 

@@ -43,7 +43,7 @@ def test_killed_server_restores_the_session(start, browser):
     for key in ("effects", "error", "verdict", "steps", "models"):
         assert after[key] == before[key]
     page = Page(browser, second.address)
-    assert "The session is continued." in page.status()
+    assert "session continues" in page.status()
     page.press("Undo")
     assert len(second.state()["steps"]) == 1
 

@@ -106,6 +106,23 @@ TEST_P(OffsetDrivesTest, NmtStop_FadesOffsetsToZeroFirst) {
   }
 }
 
+// A fade takes 2000 control periods, here 8 s.
+TEST_P(OffsetDrivesTest, NmtStop_WithALongControlPeriod_WaitsForTheWholeFade) {
+  bench.cycle_us = 4000;
+  restart();
+  settle();
+  wait(600);
+  bench.install(TestTable{.sequence = 2, .magnitude = kPermitted << 12, .rate = kMinRate}.image());
+  rest(kStand, 10);
+  ASSERT_GT(farthest(held, {}), 150);
+  nmt(2);
+  wait(6'000);
+  EXPECT_EQ(state(), NmtState::kOperational);
+  wait(3'000);
+  EXPECT_EQ(state(), NmtState::kStopped);
+  EXPECT_EQ(held, Joints{});
+}
+
 TEST_P(OffsetDrivesTest, NmtStopInMotion_FadesOffsetsToZeroFirst) {
   settle();
   nmt(2);

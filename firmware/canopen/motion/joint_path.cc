@@ -34,6 +34,10 @@ std::uint32_t JointPath::axes_with_drives() const {
   return ((1U << joint_count_) - 1U) & ~std::uint32_t{compensator_.passive()};
 }
 
+bool JointPath::has_drive(std::size_t axis) const {
+  return axis < joint_count_ && (axes_with_drives() >> axis & 1U) != 0;
+}
+
 bool JointPath::is_configured() const {
   const std::uint32_t needed = axes_with_drives();
   const bool has_offsets = (offset_axes_ & needed) == needed && !drives_are_downstream_;
@@ -157,7 +161,7 @@ void JointPath::read_targets(std::uint64_t now_us) {
   }
   for (std::size_t axis = 0; axis < joint_count_; ++axis) {
     const std::int32_t target = dictionary_.get(od::axis::kTargetPosition[axis]);
-    if (target != input_.target[axis]) resting_since_us_ = now_us;
+    if (target != input_.target[axis] && has_drive(axis)) resting_since_us_ = now_us;
     input_.target[axis] = target;
   }
 }
@@ -173,6 +177,7 @@ bool JointPath::begin(std::uint64_t now_us) {
   std::array<std::int32_t, kMaxJoints> held = {};
   const bool all_heard = (axes_with_drives() & ~heard_) == 0;
   for (std::size_t axis = 0; axis < joint_count_ && all_heard; ++axis) {
+    if (!has_drive(axis)) continue;
     const std::int64_t actual = dictionary_.get(od::axis::kPositionActualValue[axis]);
     held[axis] = saturate(compensator_.bounds(axis).way(actual - input_.target[axis]));
   }
@@ -282,7 +287,7 @@ std::size_t JointPath::send_set() {
     for (const MappedEntry& mapped : held.pdo->mapping.used()) {
       if (axis_object(mapped.index) != kTargetPosition) continue;
       const std::size_t axis = axis_of(mapped.index);
-      if (axis >= joint_count_) continue;
+      if (!has_drive(axis)) continue;
       store_le(&frame.data[mapped.at], output_.corrected[axis]);
       joints |= 1U << axis;
     }
@@ -305,7 +310,7 @@ void JointPath::hear(const Pdo& pdo, const CanFrame& frame) {
       check_offset(mapped.sub - 1U, load_le<std::int32_t>(place));
     }
     const std::size_t axis = axis_of(mapped.index);
-    if (axis >= joint_count_) continue;
+    if (!has_drive(axis)) continue;
     const std::uint16_t object = axis_object(mapped.index);
     if (object == kStatusword) drives_.hear_state(axis, load_le<std::uint16_t>(place));
     if (object == kModeDisplay) drives_.hear_mode(axis, static_cast<std::int8_t>(*place));
@@ -314,7 +319,7 @@ void JointPath::hear(const Pdo& pdo, const CanFrame& frame) {
 
 // Compares an offset read back from a drive with those sent lately: it may be a few cycles old.
 void JointPath::check_offset(std::size_t axis, std::int32_t offset) {
-  if (axis >= joint_count_ || mode_ != Mode::kOffset || phase_ == Phase::kUnknown) return;
+  if (!has_drive(axis) || mode_ != Mode::kOffset || phase_ == Phase::kUnknown) return;
   bool is_ours = false;
   for (std::uint32_t age = 0; age < kFeedbackHistory && !is_ours; ++age) {
     is_ours = offset == compensator_.correction_of(last_cycle_ - age, axis);
@@ -336,7 +341,7 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now
   for (const MappedEntry& mapped : pdo.mapping.used()) {
     if (axis_object(mapped.index) != kActualPosition) continue;
     const std::size_t axis = axis_of(mapped.index);
-    if (axis >= joint_count_) continue;
+    if (!has_drive(axis)) continue;
     std::uint8_t* place = &frame.data[mapped.at];
     const auto actual = load_le<std::int32_t>(place);
     const PositionBounds& bounds = compensator_.bounds(axis);
@@ -366,7 +371,7 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now
 
 std::uint8_t JointPath::suspension() const {
   std::uint8_t bits = kSuspendedNot;
-  if (drives_.away() != 0) bits |= kSuspendedAxisAway;
+  if (axes_away() != 0) bits |= kSuspendedAxisAway;
   if (reference_changed_) bits |= kSuspendedReference;
   return bits;
 }
@@ -443,7 +448,8 @@ bool JointPath::leave(std::uint64_t now_us) {
     phase_ = Phase::kLeaving;
     leaving_since_us_ = now_us;
   }
-  if (compensator_.is_fading() && now_us - leaving_since_us_ < kLeaveUs) return true;
+  const std::uint64_t limit_us = std::max(kLeaveUs, kLeaveCycles * compensator_.cycle_us());
+  if (compensator_.is_fading() && now_us - leaving_since_us_ < limit_us) return true;
   forget();
   return false;
 }
@@ -460,7 +466,7 @@ bool JointPath::fade(std::uint64_t now_us) {
   read_surroundings(now_us);
   // Inline, a fade sends nothing: a drive that follows keeps its last corrected target, and that
   // correction is still subtracted from its actual position.
-  input_.held = mode_ == Mode::kInline ? static_cast<std::uint8_t>(~drives_.away()) : 0;
+  input_.held = mode_ == Mode::kInline ? static_cast<std::uint8_t>(~axes_away()) : 0;
   output_ = compensator_.cycle(input_);
   computed_us_ = now_us;
   publish();

@@ -107,6 +107,11 @@ class JointPath {
   bool is_configured() const;
   // Bit k is set if axis k has a drive. Before the first table all axes count as having one.
   std::uint32_t axes_with_drives() const;
+  // Bit k: axis k has a drive, and it does not follow its targets. States of other axes are stale,
+  // or nobody's.
+  std::uint8_t axes_away() const {
+    return static_cast<std::uint8_t>(drives_.away() & axes_with_drives());
+  }
   // Whether this RPDO belongs to the set.
   bool carries_target(std::size_t rpdo) const {
     return is_configured() && sets_.carries_target(rpdo);
@@ -144,10 +149,14 @@ class JointPath {
   void stop();
 
   // Fades the drives' offsets to zero because the output ends. Returns true while they fade, for
-  // kLeaveUs at most; then the phase becomes kUnknown. Call until it returns false.
+  // kLeaveUs or kLeaveCycles at most; then the phase becomes kUnknown. Call until it returns false.
   bool leave(std::uint64_t now_us);
   bool is_leaving() const { return phase_ == Phase::kLeaving; }
   static constexpr std::uint64_t kLeaveUs = 5'000'000;
+  // The same in control periods, for long ones: a fade takes up to kFadeCycles of them, and more
+  // if the bus refuses some.
+  static constexpr std::uint64_t kLeaveCycles = 5'000;
+  static_assert(kLeaveCycles > 2 * Compensator::kFadeCycles);
 
   // Computes the next step towards zero when no stream of targets does. Returns true if it did.
   bool fade(std::uint64_t now_us);
@@ -194,6 +203,8 @@ class JointPath {
     return dictionary_.get(od::compensator_control::kSetWindow);
   }
   std::uint32_t stale_us() const { return dictionary_.get(od::compensator_control::kStaleTimeOut); }
+  // Whether joint `axis` of the arm exists and has a drive.
+  bool has_drive(std::size_t axis) const;
   void end_interval();
   void take_back();
   void take_back_unsent();

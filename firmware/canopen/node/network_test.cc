@@ -205,6 +205,16 @@ TEST_F(NetworkTest, SyncCounterOverflow_OfOne_IsRefused) {
   EXPECT_EQ(bench.write(0x1019, 0, 0, 1), 0U);
 }
 
+// SYNC of another length releases no targets: the arm would stop.
+TEST_F(NetworkTest, SyncCounterOverflow_WhileJointsAreCommanded_IsRefused) {
+  bench.configure(Mode::kOffset);
+  bench.command_joints({});
+  EXPECT_EQ(bench.write(0x1019, 0, 10, 1), kDeviceState);
+  EXPECT_EQ(bench.read(0x1019, 0), 0U);
+  bench.run_for(600'000);
+  EXPECT_EQ(bench.write(0x1019, 0, 10, 1), 0U);
+}
+
 TEST_F(NetworkTest, ObjectsThatCannotBeMapped_AreRefused) {
   EXPECT_EQ(bench.write(0x1612, 0, 0, 1), 0U);
   EXPECT_EQ(bench.write(0x1612, 1, 0x10170010, 4), 0x06040041U) << "writable";

@@ -64,7 +64,7 @@ enum class NodeAction : std::uint8_t {
   kRestart,  // NMT reset node: start again from power-on
 };
 
-class Node final : private ObjectHooks {
+class Node final : private ObjectHooks, private DriveGuard {
  public:
   Node(const NodeConfig& config, const NodeParts& parts);
   Node(const Node&) = delete;
@@ -108,9 +108,12 @@ class Node final : private ObjectHooks {
   // Keeps the newest frame of each synchronous input; false if there is no room.
   bool keep_for_sync(std::size_t number, const CanFrame& frame);
   bool holds_correction() const;
+  bool is_free_of_correction() const;
   bool may_change_resolution() const;
-  bool all_say_disabled() const;
-  bool may_erase() const;
+  bool all_say_disabled(std::uint8_t passive = 0) const;
+  bool drives_are_off(std::uint8_t passive) const;
+  bool may_erase(std::uint8_t passive) const override;
+  bool may_change_axes(std::uint8_t passive) const override;
   void outputs_are_fresh();
   // Carries out NMT commands and mode changes. In offset mode those that end the output wait until
   // the drives' offsets are zero.

@@ -57,8 +57,9 @@ bool dictionary_is_ordered() {
 Abort Node::check_communication_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
   const std::uint32_t wanted = load_le(value);
   const bool is_sync = is(entry, od::kCOBIDSYNCMessage);
+  const bool is_sync_counter = is(entry, od::kSynchronousCounterOverflowValue);
   const bool is_pdo_parameter = entry.index >= 0x1400;
-  if ((is_sync || is_pdo_parameter) && mode() != Mode::kForward) {
+  if ((is_sync || is_sync_counter || is_pdo_parameter) && mode() != Mode::kForward) {
     // A starting controller may reconfigure in pre-operational, where no set goes out.
     const bool is_held =
         moves_frames(entry) && nmt_.state() == NmtState::kOperational && holds_correction();
@@ -68,9 +69,10 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
     // This node consumes SYNC; it does not produce it.
     const bool possible = (wanted & (kSyncProducer | kExtended | kReservedIdBits)) == 0 &&
                           !is_restricted_id(wanted & kIdMask);
-    return possible ? Abort::kNone : Abort::kValueRange;
+    if (!possible) return Abort::kValueRange;
+    return pdos_.has_id(wanted & kIdMask) ? Abort::kIncompatibleParameter : Abort::kNone;
   }
-  if (is(entry, od::kSynchronousCounterOverflowValue)) {
+  if (is_sync_counter) {
     return wanted == 1 ? Abort::kValueRange : Abort::kNone;  // reserved (CiA 301, 7.5.2.22)
   }
   if (is(entry, od::kCOBIDEMCY)) {
@@ -95,49 +97,63 @@ Abort Node::check_communication_write(const od::Entry& entry, std::span<const st
   }
   if (is(entry, od::store_parameters::kSaveAllParameters)) {
     if (wanted != kSave) return Abort::kCannotStore;
-    if (!is_quiet() || !may_erase()) return Abort::kDeviceState;
+    if (!is_quiet() || !may_erase(0)) return Abort::kDeviceState;
     return save_parameters(dictionary_, parts_.parameters) ? Abort::kNone : Abort::kHardware;
   }
   if (is(entry, od::restore_default_parameters::kRestoreAllDefaultParameters)) {
     if (wanted != kLoad) return Abort::kCannotStore;
-    if (!is_quiet() || !may_erase()) return Abort::kDeviceState;
+    if (!is_quiet() || !may_erase(0)) return Abort::kDeviceState;
     return parts_.parameters.erase() ? Abort::kNone : Abort::kHardware;
   }
   const Abort abort = check_pdo_write(dictionary_, entry, value, pdos_.payload_max());
-  const bool switches_on =
-      entry.index >= 0x1400 && entry.index < 0x1600 && entry.sub == 1 && (wanted & kInvalid) == 0;
-  const bool is_twice = switches_on && pdos_.repeats_target(entry.index - 0x1400U);
-  return abort == Abort::kNone && is_twice ? Abort::kIncompatibleParameter : abort;
+  const bool switches_on = is_pdo_parameter && (entry.index & 0x0200U) == 0 && entry.sub == 1 &&
+                           (wanted & kInvalid) == 0;
+  if (abort != Abort::kNone || !switches_on) return abort;
+  return pdos_.may_switch_on(entry.index, wanted & kIdMask) ? Abort::kNone
+                                                            : Abort::kIncompatibleParameter;
 }
 
-// Whether an enabled drive holds a correction. An uncorrected target would then be a step, and an
-// offset that is no longer sent would stay in the drive.
-bool Node::holds_correction() const {
-  return joints_.phase() != Phase::kUnknown &&
-         parts_.compensator.state() != CompensatorState::kPassThrough && !all_say_disabled();
+// Whether every drive has none of this node's corrections: then an uncorrected target is no step,
+// and no offset stays in a drive.
+bool Node::is_free_of_correction() const {
+  return joints_.phase() == Phase::kUnknown ||
+         parts_.compensator.state() == CompensatorState::kPassThrough;
 }
 
-bool Node::all_say_disabled() const {
-  const std::uint32_t all = joints_.axes_with_drives() & ~std::uint32_t{tables_.passive()};
+// Whether an enabled drive holds a correction.
+bool Node::holds_correction() const { return !is_free_of_correction() && !all_say_disabled(); }
+
+bool Node::all_say_disabled(std::uint8_t passive) const {
+  const std::uint32_t all = joints_.axes_with_drives() & ~std::uint32_t{passive};
   return (joints_.drives().disabled() & all) == all;
 }
 
 // An erase stalls the core for seconds on some ports, and nothing is forwarded meanwhile. While
 // frames come from downstream, a drive counts as enabled unless its statusword reports it
 // disabled. If none come, there is nothing to forward.
-bool Node::may_erase() const {
+bool Node::may_erase(std::uint8_t passive) const {
   const DriveStates& drives = joints_.drives();
   if ((drives.known() & ~drives.disabled()) != 0) return false;
   const bool is_silent = !has_heard_drives_ || now_us_ - drives_heard_us_ > DriveStates::kSilentUs;
-  return is_silent || all_say_disabled();
+  return is_silent || all_say_disabled(passive);
+}
+
+// Whether all drives are disabled or silent.
+bool Node::drives_are_off(std::uint8_t passive) const {
+  return may_erase(passive) &&
+         (all_say_disabled(passive) || !joints_.drives().is_speaking(now_us_));
+}
+
+// While the phase is unknown, enabled drives may hold a correction from before the start.
+bool Node::may_change_axes(std::uint8_t passive) const {
+  return is_free_of_correction() && drives_are_off(passive);
 }
 
 // Resolution, ranges and limits may change only without a correction, at rest, and with the drives
 // disabled or silent: a change of scale under a correction would be a step, and the limits are
 // valid in the drives' own scale only.
 bool Node::may_change_resolution() const {
-  return is_quiet() && may_erase() &&
-         (all_say_disabled() || !joints_.drives().is_speaking(now_us_)) &&
+  return is_quiet() && drives_are_off(0) &&
          parts_.compensator.state() == CompensatorState::kPassThrough;
 }
 
@@ -151,10 +167,7 @@ Abort Node::before_write(const od::Entry& entry, std::span<const std::uint8_t> v
 
 Abort Node::check_write(const od::Entry& entry, std::span<const std::uint8_t> value) {
   if (entry.index < 0x2000) return check_communication_write(entry, value);
-  if (is(entry, od::kTableCommand)) {
-    const bool erases = load_le(value) == static_cast<std::uint32_t>(TableCommand::kCommit);
-    return tables_.command(load_le(value), is_quiet() && (!erases || may_erase()));
-  }
+  if (is(entry, od::kTableCommand)) return tables_.command(load_le(value), is_quiet());
   namespace control = od::compensator_control;
   if (is(entry, control::kMode)) {
     const auto wanted = static_cast<Mode>(value[0]);
@@ -176,7 +189,8 @@ Abort Node::check_write(const od::Entry& entry, std::span<const std::uint8_t> va
   }
   if (is(entry, control::kCorrectionEnable)) {
     // Disabling is always allowed; enabling checks the table again, which takes too long in motion.
-    return value[0] == 0 || is_quiet() ? Abort::kNone : Abort::kDeviceState;
+    if (value[0] == 0) return Abort::kNone;
+    return is_quiet() ? tables_.check_enable() : Abort::kDeviceState;
   }
   if (is(entry, od::self_test::kRun)) {
     if ((value[0] & ~kAllTests) != 0 || value[0] == 0) return Abort::kValueRange;

@@ -71,7 +71,7 @@ void Node::refresh_drive_states() {
   namespace states = od::drive_states;
   const JointCounters& joints = joints_.counters();
   dictionary_.set(states::kAxesWhoseStateIsKnown, joints_.drives().known());
-  dictionary_.set(states::kAxesThatDoNotFollow, joints_.drives().away());
+  dictionary_.set(states::kAxesThatDoNotFollow, joints_.axes_away());
   dictionary_.set(states::kPhase, static_cast<std::uint8_t>(joints_.phase()));
   dictionary_.set(states::kWhySuspended, joints_.suspension());
   dictionary_.set(states::kSuspensions, joints.suspended);

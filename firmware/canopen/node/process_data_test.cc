@@ -103,6 +103,34 @@ TEST_F(InputTest, InputAtItsBound_IsTaken_BeyondItIsReported) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U) << "over with one that is within them";
 }
 
+// A frame is served by one PDO alone. A second one with its identifier would never be received.
+TEST_F(InputTest, CobIdOfAValidPdo_CannotBeUsedAgain) {
+  const auto refused = static_cast<std::uint32_t>(Abort::kIncompatibleParameter);
+  map(0, kPayload, 255);
+  ASSERT_EQ(bench.write(0x1400, 1, 0x220, 4), 0U);
+  EXPECT_EQ(bench.write(0x1401, 1, 0x220, 4), refused);
+  EXPECT_EQ(bench.write(0x1401, 1, 0x190, 4), refused) << "a lower number";
+  EXPECT_EQ(bench.write(0x1400, 1, 0x220, 4), 0U) << "its own";
+  EXPECT_EQ(bench.write(0x1800, 1, 0x40000190, 4), refused) << "of an RPDO";
+  ASSERT_EQ(bench.write(0x1800, 1, 0x400001A0, 4), 0U);
+  EXPECT_EQ(bench.write(0x1801, 1, 0x400001A0, 4), refused);
+  EXPECT_EQ(bench.write(0x1401, 1, 0x1A0, 4), refused) << "of a TPDO";
+  EXPECT_EQ(bench.write(0x1401, 1, 0x80000220, 4), 0U) << "it stays invalid";
+  ASSERT_EQ(bench.write(0x1400, 1, 0x80000220, 4), 0U);
+  EXPECT_EQ(bench.write(0x1401, 1, 0x220, 4), 0U) << "free again";
+}
+
+TEST_F(InputTest, CobIdOfSync_IsNoPdos) {
+  const auto refused = static_cast<std::uint32_t>(Abort::kIncompatibleParameter);
+  EXPECT_EQ(bench.write(0x1400, 1, 0x80, 4), refused);
+  EXPECT_EQ(bench.write(0x1800, 1, 0x40000080, 4), refused);
+  ASSERT_EQ(bench.write(0x1400, 1, 0x220, 4), 0U);
+  EXPECT_EQ(bench.write(0x1005, 0, 0x220, 4), refused);
+  ASSERT_EQ(bench.write(0x1005, 0, 0x320, 4), 0U);
+  EXPECT_EQ(bench.write(0x1401, 1, 0x320, 4), refused);
+  EXPECT_EQ(bench.write(0x1401, 1, 0x80, 4), 0U);
+}
+
 // Temperature of sensor 1 and the payload, in the frame of joints 1 and 2's targets.
 class InputBesideTargetsTest : public InputTest {
  protected:

@@ -162,22 +162,45 @@ Mapping PdoTable::decode(od::Ref<std::uint8_t> count, od::Ref<std::uint32_t> fir
   return mapping;
 }
 
+bool PdoTable::has_id(std::uint32_t id, const Pdo* except) const {
+  const auto has = [id, except](const Pdo& pdo) {
+    return pdo.valid && pdo.id == id && &pdo != except;
+  };
+  return std::ranges::any_of(rpdos_, has) || std::ranges::any_of(tpdos_, has);
+}
+
+bool PdoTable::is_free(std::uint32_t id, const Pdo& pdo) const {
+  return id != (dictionary_.get(od::kCOBIDSYNCMessage) & kIdMask) && !has_id(id, &pdo);
+}
+
+bool PdoTable::may_switch_on(std::uint16_t record, std::uint32_t id) const {
+  if (record >= kTpdoCommunication) return is_free(id, tpdos_[record - kTpdoCommunication]);
+  const std::size_t number = record - kRpdoCommunication;
+  return is_free(id, rpdos_[number]) && !repeats_target(number);
+}
+
+// Saved parameters could hold anything: of two PDOs with one identifier the first is valid.
+void PdoTable::switch_on(Pdo& pdo, std::uint32_t cob_id) const {
+  pdo.id = cob_id & kIdMask;
+  pdo.valid = names_pdo(cob_id) && pdo.mapping.count > 0 && is_free(pdo.id, pdo);
+}
+
 void PdoTable::refresh() {
+  for (Pdo& pdo : rpdos_) pdo.valid = false;
+  for (Pdo& pdo : tpdos_) pdo.valid = false;
   for (std::size_t k = 0; k < kRpdos; ++k) {
     const std::uint32_t cob_id = dictionary_.get(od::rpdo::kCOBID[k]);
     Pdo& pdo = rpdos_[k];
-    pdo.id = cob_id & kIdMask;
     pdo.transmission = dictionary_.get(od::rpdo::kTransmissionType[k]);
     pdo.mapping = decode(od::rpdo::kMappingCount[k], od::rpdo::kMapping[k], true);
-    pdo.valid = names_pdo(cob_id) && pdo.mapping.count > 0;
+    switch_on(pdo, cob_id);
   }
   for (std::size_t k = 0; k < kTpdos; ++k) {
     const std::uint32_t cob_id = dictionary_.get(od::tpdo::kCOBID[k]);
     Pdo& pdo = tpdos_[k];
-    pdo.id = cob_id & kIdMask;
     pdo.transmission = dictionary_.get(od::tpdo::kTransmissionType[k]);
     pdo.mapping = decode(od::tpdo::kMappingCount[k], od::tpdo::kMapping[k], false);
-    pdo.valid = names_pdo(cob_id) && pdo.mapping.count > 0;
+    switch_on(pdo, cob_id);
   }
 }
 

@@ -95,11 +95,21 @@ class PdoTable {
   // valid RPDO maps as well.
   bool repeats_target(std::size_t number) const;
 
-  // The number of the first valid RPDO with the identifier of `frame`, kRpdos if there is none.
+  // Whether a valid PDO has this identifier; `except` is not counted.
+  bool has_id(std::uint32_t id, const Pdo* except = nullptr) const;
+
+  // Whether the PDO whose communication record is 0x1400 to 0x1BFF may become valid with this
+  // identifier. Not if SYNC or another valid PDO has it: a received frame is served once, and two
+  // senders of one identifier collide. Not if it is an RPDO that repeats a target.
+  bool may_switch_on(std::uint16_t record, std::uint32_t id) const;
+
+  // The number of the valid RPDO with the identifier of `frame`, kRpdos if there is none.
   std::size_t match(const CanFrame& frame) const;
 
  private:
   Mapping decode(od::Ref<std::uint8_t> count, od::Ref<std::uint32_t> first, bool receive) const;
+  bool is_free(std::uint32_t id, const Pdo& pdo) const;
+  void switch_on(Pdo& pdo, std::uint32_t cob_id) const;
 
   const ObjectDictionary& dictionary_;
   std::size_t payload_max_;

@@ -83,6 +83,33 @@ TEST_F(PdoRecordTest, SavedCobId_WithExtendedBits_MakesNoPdo) {
   EXPECT_FALSE(pdos.tpdo(kTpdo - 0x1800).valid);
 }
 
+TEST_F(PdoRecordTest, SavedCobId_ThatIsTaken_MakesNoPdo) {
+  const auto map_payload = [this](std::uint16_t mapping) {
+    save(mapping, 1, 0x20210020);
+    save(mapping, 0, 1);
+  };
+  map_payload(0x1610);
+  map_payload(0x1612);
+  map_payload(0x1A07);
+  map_payload(0x1A08);
+  save(0x1410, 1, 0x191);
+  save(0x1412, 1, 0x191);
+  save(0x1807, 1, 0x1A1);
+  save(0x1808, 1, 0x1A1);
+  PdoTable pdos(dictionary, kClassicPayload);
+  pdos.refresh();
+  EXPECT_TRUE(pdos.rpdo(16).valid);
+  EXPECT_FALSE(pdos.rpdo(18).valid) << "RPDO 17 has it";
+  EXPECT_TRUE(pdos.tpdo(7).valid);
+  EXPECT_FALSE(pdos.tpdo(8).valid);
+  save(0x1808, 1, 0x191);
+  save(0x1410, 1, 0x80);
+  pdos.refresh();
+  EXPECT_FALSE(pdos.rpdo(16).valid) << "that of SYNC";
+  EXPECT_TRUE(pdos.rpdo(18).valid);
+  EXPECT_FALSE(pdos.tpdo(8).valid) << "RPDO 19 has it";
+}
+
 TEST_F(PdoRecordTest, SavedMapping_LongerThanAFrame_EndsWhereTheFrameDoes) {
   // Three words of 32 bits where a classic frame has room for two; a fourth of 8 would fit again.
   const std::uint16_t mapping = kRpdo + 0x200;

@@ -18,6 +18,7 @@ enum UploadRefusal : std::uint16_t {
   kFits = 0,
   kOlderThanActive = 0x100,  // replay: an earlier export than the table in force
   kLimitsTooWide = 0x101,    // asks for larger corrections than this firmware ever makes
+  kOtherAxes = 0x102,        // other passive joints than the table before; not now
 };
 constexpr std::uint8_t kNoSlot = 0xFF;
 
@@ -42,6 +43,11 @@ bool limits_are_too_wide(std::span<const std::uint8_t> image) {
     }
   }
   return false;
+}
+
+// Not inlined: a TableView would stay on the stack during the signature check.
+[[gnu::noinline]] std::uint8_t passive_in(std::span<const std::uint8_t> image) {
+  return TableView(image).passive();
 }
 
 // Mantissa of the increments per unit, without sign and power of two.
@@ -100,12 +106,13 @@ storage::TableVerdict IdentityVerifier::verify(std::span<const std::uint8_t> ima
 
 TableTransfer::TableTransfer(ObjectDictionary& dictionary, Compensator& compensator,
                              storage::SlotStore& store, Emcy& emcy, const DeviceIdentity& device,
-                             const TableMemory& memory)
+                             const TableMemory& memory, const DriveGuard& drives)
     : dictionary_(dictionary),
       compensator_(compensator),
       store_(store),
       emcy_(emcy),
       device_(device),
+      drives_(drives),
       buffers_(memory, compensator) {}
 
 std::size_t TableTransfer::capacity() const {
@@ -152,21 +159,20 @@ void TableTransfer::put_in_force() {
   if (validation.accepted()) validation = check_resolution(image);
   if (validation.accepted()) {
     compensator_.activate();
-    return agree_on_resolution();
+    if (!trial_) agree_on_resolution();
+    return;
   }
   compensator_.disable();
   refuse(static_cast<std::uint16_t>(validation.refusal), validation.field);
 }
 
 void TableTransfer::agree_on_resolution() {
-  if (buffers_.active().empty()) return;
   const TableView table(buffers_.active());
   for (std::size_t k = 0; k < table.joint_count(); ++k) {
     if (dictionary_.get(od::axis::kEncoderIncrements[k]) != 0) continue;
     const Resolution own = resolution_of(table, k);
     dictionary_.set(od::axis::kEncoderIncrements[k], own.increments);
     dictionary_.set(od::axis::kMotorRevolutions[k], own.units);
-    if (trial_) agreed_in_trial_ |= 1U << k;
   }
 }
 
@@ -186,6 +192,12 @@ void TableTransfer::set_enabled(bool enabled) {
   put_in_force();
 }
 
+Abort TableTransfer::check_enable() {
+  forget_other_axes();
+  const bool changes = !enabled_ && !buffers_.active().empty();
+  return changes ? check_axes(passive_in(buffers_.active())) : Abort::kNone;
+}
+
 Abort TableTransfer::command(std::uint32_t word, bool quiet) {
   const auto command = static_cast<TableCommand>(word);
   if (command == TableCommand::kDiscard) return discard();
@@ -193,10 +205,8 @@ Abort TableTransfer::command(std::uint32_t word, bool quiet) {
                      command == TableCommand::kActivate || command == TableCommand::kConfirm ||
                      command == TableCommand::kRevert;
   if (!known) return Abort::kValueRange;
-  if (!quiet) {
-    count(refused_);
-    return Abort::kDeviceState;
-  }
+  if (!quiet) return refuse_now();
+  forget_other_axes();
   switch (command) {
     case TableCommand::kVerify:
       return verify();
@@ -222,6 +232,28 @@ Abort TableTransfer::refuse(std::uint16_t reason, std::uint32_t field) {
   return Abort::kIncompatibleParameter;
 }
 
+// The state of the arm forbids a request; the staged table stays as it is.
+Abort TableTransfer::refuse_now() {
+  count(refused_);
+  return Abort::kDeviceState;
+}
+
+// This reason depends on the drives, so that it tells about the last request only.
+void TableTransfer::forget_other_axes() {
+  if (refusal_reason_ == kOtherAxes) refusal_reason_ = kFits;
+}
+
+// Before the first table nothing is corrected, and no drive holds a correction of this node.
+Abort TableTransfer::check_axes(std::uint8_t passive) {
+  if (!compensator_.has_had_table() || passive == compensator_.passive() ||
+      drives_.may_change_axes(passive)) {
+    return Abort::kNone;
+  }
+  refusal_reason_ = kOtherAxes;
+  refusal_field_ = 0;
+  return refuse_now();
+}
+
 Abort TableTransfer::verify() {
   if (state_ == StagingState::kVerified || state_ == StagingState::kCommitted) return Abort::kNone;
   if (state_ != StagingState::kReceived) return Abort::kDeviceState;
@@ -234,7 +266,6 @@ Abort TableTransfer::verify() {
   if (is_replay(image, buffers_.active()))
     return refuse(kOlderThanActive, format::header::kSequenceAt);
   state_ = StagingState::kVerified;
-  passive_ = TableView(image).passive();
   emcy_.clear(Condition::kTableRefused);
   return Abort::kNone;
 }
@@ -261,7 +292,10 @@ Abort TableTransfer::result(storage::StoreResult result) {
 Abort TableTransfer::commit() {
   if (state_ == StagingState::kCommitted) return Abort::kNone;
   if (state_ != StagingState::kVerified) return Abort::kDeviceState;
-  const Abort abort = result(store_.commit(buffers_.staged(staged_)));
+  const std::span<const std::uint8_t> image = buffers_.staged(staged_);
+  // When the first table of a device is committed, only this table tells which axes have drives.
+  if (!drives_.may_erase(passive_in(image))) return refuse_now();
+  const Abort abort = result(store_.commit(image));
   if (abort == Abort::kNone) state_ = StagingState::kCommitted;
   return abort;
 }
@@ -270,8 +304,21 @@ Abort TableTransfer::activate() {
   const std::span<std::uint8_t> buffer = buffers_.writable();
   if (buffer.empty()) return Abort::kDeviceState;
   std::span<const std::uint8_t> image;
-  const Abort abort = result(store_.activate(buffer, image));
+  storage::StoreResult loaded = store_.load_pending(buffer, image);
+  if (loaded == storage::StoreResult::kDone) {
+    const Abort refusal = enabled_ ? check_axes(passive_in(image)) : Abort::kNone;
+    if (refusal != Abort::kNone) {
+      // The image of the slot has replaced the staged one.
+      discard();
+      refusal_reason_ = kOtherAxes;
+      return refusal;
+    }
+    loaded = store_.begin_trial();
+  }
+  const Abort abort = result(loaded);
   if (abort == Abort::kNone) {
+    const std::span<const std::uint8_t> before = buffers_.active();
+    passive_before_trial_ = before.empty() ? passive_in(image) : passive_in(before);
     trial_ = true;
     use(image);
   } else if (last_result_ != storage::StoreResult::kNothingPending) {
@@ -286,7 +333,7 @@ Abort TableTransfer::confirm() {
   const Abort abort = result(store_.confirm());
   if (abort == Abort::kNone) {
     trial_ = false;
-    agreed_in_trial_ = 0;
+    if (compensator_.is_in_use(buffers_.active())) agree_on_resolution();
   }
   return abort;
 }
@@ -294,18 +341,14 @@ Abort TableTransfer::confirm() {
 Abort TableTransfer::revert() {
   const bool was_trial = trial_;
   if (was_trial && buffers_.writable().empty()) return Abort::kDeviceState;
+  if (was_trial && enabled_) {
+    if (const Abort abort = check_axes(passive_before_trial_); abort != Abort::kNone) return abort;
+  }
   const Abort abort = result(store_.revert());
   // A trial is over even if its mark could not be written: the next start rejects it in any case.
   if (abort != Abort::kNone && abort != Abort::kHardware) return abort;
   if (was_trial) {
     trial_ = false;
-    for (std::size_t k = 0; k < kMaxJoints; ++k) {
-      if ((agreed_in_trial_ >> k & 1U) != 0) {
-        dictionary_.set(od::axis::kEncoderIncrements[k], std::uint32_t{0});
-        dictionary_.set(od::axis::kMotorRevolutions[k], std::uint32_t{1});
-      }
-    }
-    agreed_in_trial_ = 0;
     use(store_.load_active(buffers_.writable()));
   } else if (state_ == StagingState::kCommitted) {
     state_ = StagingState::kVerified;  // the image is still staged, but in no slot any more

@@ -56,10 +56,25 @@ class IdentityVerifier final : public storage::TableVerifier {
   const DeviceIdentity& device_;
 };
 
+// What the drives permit. `passive`: bit k, axis k has no drive according to the table in question;
+// such an axis need not report its state.
+class DriveGuard {
+ public:
+  // Whether the core may stall while flash is erased.
+  virtual bool may_erase(std::uint8_t passive) const = 0;
+  // Whether a table may come into force that has other passive joints than the one before. Other
+  // targets then form a set, and those that are mapped may pass uncorrected from now on.
+  virtual bool may_change_axes(std::uint8_t passive) const = 0;
+
+ protected:
+  ~DriveGuard() = default;
+};
+
 class TableTransfer final : public DomainHandler {
  public:
   TableTransfer(ObjectDictionary& dictionary, Compensator& compensator, storage::SlotStore& store,
-                Emcy& emcy, const DeviceIdentity& device, const TableMemory& memory);
+                Emcy& emcy, const DeviceIdentity& device, const TableMemory& memory,
+                const DriveGuard& drives);
 
   // Reads the slots and puts their table in force. Call once at power-on and at NMT reset node, not
   // while joint commands arrive.
@@ -74,6 +89,8 @@ class TableTransfer final : public DomainHandler {
   // Enables (only while quiet: the table is checked again) or disables (at any time) the
   // correction, 0x2000 sub 2. Blended by the compensator.
   void set_enabled(bool enabled);
+  // Whether set_enabled(true) may be called.
+  Abort check_enable();
 
   // Brings 0x2013 up to date. Cheap: it is read while joints move.
   void refresh_status();
@@ -82,10 +99,6 @@ class TableTransfer final : public DomainHandler {
   bool active_is_sound() const {
     return buffers_.active().empty() || validate(buffers_.active(), device_).accepted();
   }
-
-  // Bit k: axis k has no drive, according to the table that was verified last. When the first table
-  // of a device is committed, only this table tells which axes have drives.
-  std::uint8_t passive() const { return passive_; }
 
   std::uint32_t refused() const { return refused_; }
   bool on_trial() const { return trial_; }
@@ -105,11 +118,15 @@ class TableTransfer final : public DomainHandler {
   Abort discard();
   Abort result(storage::StoreResult result);
   Abort refuse(std::uint16_t reason, std::uint32_t field);
+  Abort refuse_now();
+  Abort check_axes(std::uint8_t passive);
+  void forget_other_axes();
   void use(std::span<const std::uint8_t> image);
   Validation check_resolution(std::span<const std::uint8_t> image) const;
   Validation check(std::span<const std::uint8_t> image) const;
   void put_in_force();
   // Where 0x608F is 0, sets it to the scale of the table in force, which later tables must have.
+  // Not for a table on trial: a restart ends the trial, and saved parameters would keep the scale.
   void agree_on_resolution();
   std::size_t capacity() const;
 
@@ -118,17 +135,17 @@ class TableTransfer final : public DomainHandler {
   storage::SlotStore& store_;
   Emcy& emcy_;
   const DeviceIdentity& device_;
+  const DriveGuard& drives_;
   TableBuffers buffers_;
   bool quiet_ = true;
   bool enabled_ = true;
   bool trial_ = false;
-  std::uint32_t agreed_in_trial_ = 0;  // bit k: 0x608F of axis k comes from the table on trial
   StagingState state_ = StagingState::kEmpty;
   std::uint32_t staged_ = 0;  // bytes
   // 0x2013 sub 4 (sub 13: active_checksum_), updated as the bytes arrive. It covers all but the
   // last four bytes, the image's own CRC: over data and its CRC, a CRC is the same for every image.
   std::uint32_t staged_checksum_ = 0;
-  std::uint8_t passive_ = 0;
+  std::uint8_t passive_before_trial_ = 0;  // passive joints of the table that revert() returns to
   std::uint32_t active_checksum_ = 0;
   std::uint16_t refusal_reason_ = 0;  // 0x2013 sub 2
   std::uint32_t refusal_field_ = 0;   // 0x2013 sub 15

@@ -372,10 +372,10 @@ TEST_F(TableTransferTest, IntegerResolution_IsReportedInIncrements) {
   }
 }
 
-TEST_F(TableTransferTest, Revert_RemovesTheResolutionOfTheTrialTable) {
+TEST_F(TableTransferTest, ResolutionOfATable_IsTakenWhenItIsConfirmed) {
   NodeBench blank(true, false, bound_to("R-7"));
   blank.put_on_trial(TestTable{.serial = "R-7", .finer = 4}.image());
-  ASSERT_EQ(blank.read(0x608F, 1), 1U << 24);
+  EXPECT_EQ(blank.read(0x608F, 1), 0U);
   ASSERT_EQ(blank.command(TableCommand::kRevert), 0U);
   EXPECT_EQ(blank.read(0x608F, 1), 0U);
   EXPECT_EQ(blank.read(0x608F, 2), 1U);
@@ -385,6 +385,35 @@ TEST_F(TableTransferTest, Revert_RemovesTheResolutionOfTheTrialTable) {
   blank.put_on_trial(TestTable{.sequence = 9, .serial = "R-7"}.image());
   ASSERT_EQ(blank.command(TableCommand::kRevert), 0U);
   EXPECT_EQ(blank.read(0x608F, 1), 1U << 20) << "that of the confirmed table";
+}
+
+// A power cut ends the trial. Its resolution must not stay behind in the saved parameters.
+TEST_F(TableTransferTest, SaveDuringATrial_DoesNotKeepItsResolution) {
+  bench.put_on_trial(TestTable{.serial = "R-7", .finer = 4}.image());
+  ASSERT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
+  bench.power_on();
+  ASSERT_EQ(status(kActiveSlot), 0xFFU) << "the trial is over";
+  EXPECT_EQ(bench.read(0x608F, 1), 0U);
+  bench.install(TestTable{.sequence = 2, .serial = "R-7"}.image());
+  EXPECT_EQ(bench.read(0x608F, 1), 1U << 20);
+}
+
+TEST_F(TableTransferTest, ConfirmWhileDisabled_TakesTheResolutionWhenEnabled) {
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  bench.install(TestTable{.serial = "R-7"}.image());
+  EXPECT_EQ(bench.read(0x608F, 1), 0U);
+  ASSERT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
+  EXPECT_EQ(bench.read(0x608F, 1), 1U << 20);
+}
+
+// CiA 301: it resets objects 0x1000 to 0x1FFF alone.
+TEST_F(TableTransferTest, ResetCommunication_LeavesTheTrialRunning) {
+  bench.install(TestTable{.sequence = 5, .serial = "R-7"}.image());
+  bench.put_on_trial(TestTable{.sequence = 6, .serial = "R-7"}.image());
+  bench.nmt(130);
+  bench.run_for(10'000);
+  EXPECT_EQ(status(kSequence), 6U);
+  EXPECT_EQ(status(kTrial), 1U);
 }
 
 TEST_F(TableTransferTest, TableOfOtherResolution_DoesNotBlockTheBuffer) {

@@ -55,7 +55,9 @@ REFUSALS = {
     22: "made for drives with another resolution than this device's (0x608F)",
     0x100: "an older export than the table in force",
     0x101: "limits beyond the firmware's own maxima",
+    0x102: "other passive joints than the table before: disable the correction (0x2000 sub 2) and the drives first",
 }
+_OTHER_AXES = 0x102
 SELF_TESTS = ("checksums", "object dictionary", "table in force", "buses", "pass-through")
 
 # Valid numbers of the values that the host computes with, and their wording in the error for any other number.
@@ -242,8 +244,10 @@ class Compensator:
     def _explain(self, word: str, refusal: SdoAbortError) -> str:
         if refusal.code == _DEVICE_STATE and not self.is_quiet():
             return STILL_MOVING
+        reason = self.read_number("Table status.Refusal reason")
+        if refusal.code == _DEVICE_STATE and reason == _OTHER_AXES:
+            return f"the device refused the table: {REFUSALS[reason]}"
         if refusal.code == _INCOMPATIBLE:
-            reason = self.read_number("Table status.Refusal reason")
             at = self.read_number("Table status.Refusal byte offset")
             return f"the device refused the table: {REFUSALS.get(reason, f'reason {reason}')} (byte {at} of the image)"
         if refusal.code == _DEVICE_STATE:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from armtrue import _core
 from armtrue.arrays import Array
-from armtrue.candidates import called
 from armtrue.diagnosis import diagnose
 from armtrue.fitting import Fit
 from armtrue.progress import Progress
@@ -30,6 +29,7 @@ from armtrue.report.gathered.state import (
 )
 from armtrue.report.gathered.steps import Step, check_same_data, steps_of, titles_of
 from armtrue.report.gathered.structure import Finding, findings_of
+from armtrue.report.names import called
 
 _LEADING = 3
 _NOTHING = 1e-9  # rounding error, as a share of the largest reading
@@ -207,10 +207,7 @@ def _diagnosed(
     leading = (
         [c for c in result["candidates"] if c["recommend"]] if between else result["candidates"][:_LEADING]
     )
-    plots = [
-        (called(candidate, result["candidates"]), _added_variable(step, candidate, result["candidates"]))
-        for candidate in leading
-    ]
+    plots = [(called(candidate), _added_variable(step, candidate)) for candidate in leading]
     drawn = [plot for _, plot in plots if plot is not None]
     not_drawn = [name for name, plot in plots if plot is None]
     return replace(shown, added_variables=drawn, not_drawn=not_drawn)
@@ -244,9 +241,7 @@ def _independent(step: Step, number: int, along: list[Direction]) -> float:
     return independent(step.residual_m[used], lever[used], visit) if shown else float(used.sum())
 
 
-def _added_variable(
-    step: Step, candidate: dict[str, Any], others: Sequence[dict[str, Any]] = ()
-) -> AddedVariable | None:
+def _added_variable(step: Step, candidate: dict[str, Any]) -> AddedVariable | None:
     refitted = with_candidate(step.fit, candidate)
     if refitted is None:
         return None
@@ -260,6 +255,4 @@ def _added_variable(
         with step.fit.lock:
             after = np.asarray(_core.residuals_in_noise(refitted.core, step.fit.core))[used]
     turned = np.tile(np.arange(left.shape[1]) >= _AXES, len(left))
-    return AddedVariable(
-        called(candidate, others), candidate, (left - after).ravel(), left.ravel(), unit, turned
-    )
+    return AddedVariable(called(candidate), candidate, (left - after).ravel(), left.ravel(), unit, turned)

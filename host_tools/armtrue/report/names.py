@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from armtrue.candidates import called, entry_of, name
+from armtrue.candidates import entry_of, name
+
+# Candidates and effects are spelled as everywhere else.
+called = name
 
 
 def bracketed(label: str) -> str:
-    """The page's name of a candidate that diagnose names as `gear_harmonics 3`."""
-    return called(entry_of(label))
+    """The name of a candidate that diagnose lists as `gear_mesh 3 orders [13]`."""
+    return name(entry_of(label))
 
 
 def gathered(effects: list[tuple[str, tuple[int, ...]]]) -> list[str]:

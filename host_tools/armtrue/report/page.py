@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from importlib.resources import files
 
-from armtrue.candidates import called
 from armtrue.report.content import Report
 from armtrue.report.gathered.steps import floor_source
 from armtrue.report.markup import Content, Markup, html_page, join, tag
+from armtrue.report.names import called
 from armtrue.report.parts import micrometres, scored_um
 from armtrue.report.sections.data_sections import (
     about_section,
@@ -88,9 +88,8 @@ def _summary(report: Report, robot: str) -> Content:
         ("noise floor", floor_words, floor_source(last)),
         ("measurements", str(last.fit.data.count), f"{len(last.fit.document['rejected'])} rejected"),
     ]
-    candidates = report.diagnoses[-1].result["candidates"]
-    best = next((c for c in candidates if c["recommend"]), None)
-    named = f" The evidence points to {called(best, candidates)}." if best is not None else ""
+    best = next((c for c in report.diagnoses[-1].result["candidates"] if c["recommend"]), None)
+    named = f" The evidence points to {called(best)}." if best is not None else ""
     added = [effect for step in report.steps[1:] for effect in step.added]
     story = f" Added since the first step: {'; '.join(added)}." if added else ""
     return [

@@ -10,7 +10,6 @@ from armtrue.diagnosis import refine
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.io.model import check_effect
-from armtrue.report.gathered.steps import steps_of
 from armtrue.report.parts import plural
 from armtrue.workbench.first_figures import FirstFigures, fit_to_some
 from armtrue.workbench.opening.dropped import LOOK_AT_GUESSES
@@ -324,7 +323,7 @@ def node_of(
         fit.document["error"], floor, verdict, change, "",
     )  # fmt: skip
     node.left_out_error = error_there(fit, session.data, out)
-    node.turn_error_rad = steps_of([(fit, "")])[0].turn_error_rad
+    node.turn_error_rad = fit.orientation_error()
     upper = change[0].upper() + change[1:]
     node.said = (
         f"{upper}. {fall_words(before.mean_um, node.mean_um)}" if before else first_words(node.mean_um)

@@ -137,7 +137,7 @@ class Engine:
             session = None if new else load_session(place, key, opened.data)
             if session:
                 found = self._joined_since(session, opened)
-                said = f"The session is continued. {found[-1][0].node.said}"
+                said = f"The saved session continues. {found[-1][0].node.said}"
             else:
                 found = [(self._begun(opened, Session(place, key, opened.data), progress), opened)]
                 said = found[-1][0].node.said

@@ -38,6 +38,7 @@ def present_parameters(document: dict[str, Any], output: Output, everything: boo
         if not told:
             return
     output.table(_parameter_table(told, document["robot"]))
+    output.say("value: where the column nominal has a figure, what the fit adds to it")
 
 
 def _parameter_table(parameters: list[dict[str, Any]], robot: dict[str, Any]) -> Table:

@@ -129,8 +129,9 @@ def added_words(plot: AddedVariable) -> str:
         return "fitted, it adds nothing: the model can take over all that it does"
     scored = float(plot.candidate["explained"])
     words = f"fitted, it takes away {100 * plot.explained:.1f} % of the squared residual"
-    same = abs(plot.explained - scored) < _SAME_SHARE
-    return words if same else f"{words}; its score was {100 * scored:.1f} %"
+    if abs(plot.explained - scored) >= _SAME_SHARE:
+        words += f"; its score was {100 * scored:.1f} %"
+    return f"{words}; grey: positions, orange: orientations" if plot.turned.any() else words
 
 
 def curve_panel(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from armtrue.candidates import called, parameter_lines
+from armtrue.candidates import parameter_lines
 from armtrue.report.content import Report, StepDiagnosis
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.names import bracketed
+from armtrue.report.names import bracketed, called
 from armtrue.report.parts import (
     figure,
     fixed,
@@ -23,7 +23,14 @@ from armtrue.report.parts import (
     typeset,
 )
 from armtrue.report.pictures import charts
-from armtrue.verdicts import OTHER_SENSOR_ADVICE, chance, of_other_sensors, verdict_words, why_words
+from armtrue.verdicts import (
+    OTHER_SENSOR_ADVICE,
+    chance,
+    needs_words,
+    of_other_sensors,
+    verdict_words,
+    why_words,
+)
 
 _CANDIDATES = (
     "Every effect of the catalogue is tried on every joint that the recorded columns allow: the residual is regressed "
@@ -106,15 +113,15 @@ def _one(diagnosis: StepDiagnosis, between: bool = False) -> list[Content]:
     if result["verdict"] == "nothing_missing":
         if candidates:
             heading = "The strongest of what was tried, none of them significant"
-            parts.append(folded(heading, _table(shown, candidates, "Candidates")))
+            parts.append(folded(heading, _table(shown, "Candidates")))
     else:
         parts += [
             _ambiguity(candidates),
-            _table(shown, candidates, "Leading candidates"),
-            _reasons(shown[:with_reasons], candidates),
+            _table(shown, "Leading candidates"),
+            _reasons(shown[:with_reasons]),
         ]
     if rest and not between:
-        names = "; ".join(called(candidate, candidates) for candidate in rest)
+        names = "; ".join(map(called, rest))
         parts.append(tag("p", f"Tried as well, with less evidence: {names}.", class_="lead"))
     return parts
 
@@ -125,7 +132,7 @@ def _advice(result: dict[str, Any]) -> list[Content]:
     if result["advice"]:
         parts += [tag("h4", "Advice"), listed([typeset(sentence) for sentence in result["advice"]])]
     if result["untestable"]:
-        needs = [[entry["effect"], ", ".join(entry["needs"])] for entry in result["untestable"]]
+        needs = [[entry["effect"], needs_words(entry["needs"])] for entry in result["untestable"]]
         caption = "Not testable with what was recorded"
         parts.append(tag("div", table(["effect", "record"], needs, caption, words=(0, 1)), class_="listings"))
     return parts
@@ -135,23 +142,21 @@ def _ambiguity(candidates: list[dict[str, Any]]) -> Markup | None:
     best = next((candidate for candidate in candidates if candidate["recommend"]), None)
     if best is None:
         return None
-    others = [called(other, candidates) for other in of_other_sensors(best, candidates)]
+    others = [called(other) for other in of_other_sensors(best, candidates)]
     warmed = f" {OTHER_SENSOR_ADVICE}" if others else ""
     others += [bracketed(label) for label in best["confounded_with"]]
     if not others:
-        return tag(
-            "p", "Nothing else explains nearly as much as ", tag("strong", called(best, candidates)), "."
-        )
+        return tag("p", "Nothing else explains nearly as much as ", tag("strong", called(best)), ".")
     return tag(
         "p",
         "Ambiguity set, whatever explains at least 0.9 of what the best does: ",
-        tag("strong", called(best, candidates)),
+        tag("strong", called(best)),
         f"; {'; '.join(others)}. The advice below says what would tell them apart.{warmed}",
         class_="ambiguous",
     )
 
 
-def _table(shown: list[dict[str, Any]], candidates: list[dict[str, Any]], caption: str) -> Markup:
+def _table(shown: list[dict[str, Any]], caption: str) -> Markup:
     headers = ["candidate", "probability", "explains", "ΔBIC", "held-out mean if added [µm]", "separable"]
     rows: list[list[Content]] = []
     for candidate in shown:
@@ -159,7 +164,7 @@ def _table(shown: list[dict[str, Any]], candidates: list[dict[str, Any]], captio
         bar = tag("span", class_="bar", style=f"width:{min(100.0, max(0.0, share)):.1f}%")
         rows.append(
             [
-                [called(candidate, candidates), [" ", _star()] if candidate["recommend"] else None],
+                [called(candidate), [" ", _star()] if candidate["recommend"] else None],
                 chance(candidate["probability"]),
                 tag(
                     "span",
@@ -176,13 +181,11 @@ def _table(shown: list[dict[str, Any]], candidates: list[dict[str, Any]], captio
     return table(headers, rows, caption + note, stacked=True)
 
 
-def _reasons(shown: list[dict[str, Any]], candidates: list[dict[str, Any]]) -> Markup:
+def _reasons(shown: list[dict[str, Any]]) -> Markup:
     entries: list[Content] = []
     for candidate in shown:
         why = typeset(why_words(candidate))
-        entries.append(
-            tag("li", tag("strong", called(candidate, candidates)), f": {why}.", values_list(candidate))
-        )
+        entries.append(tag("li", tag("strong", called(candidate)), f": {why}.", values_list(candidate)))
     return folded("Why, and how large", tag("ol", entries, class_="evidence"), opened=True)
 
 

@@ -173,7 +173,7 @@ def _turns(report: Report) -> Markup | None:
     """Errors of orientation at each step; None where orientations were not measured."""
     rows: list[list[Content]] = []
     for step in report.steps:
-        error = step.turn_error_rad
+        error = step.fit.orientation_error()
         if error is not None:
             rows.append(
                 [step.called, *(f"{error[key] / ARCSECOND:.1f}" for key in ("mean", "rms", "p95", "max"))]

@@ -47,7 +47,7 @@ def bayesian_information(session: Session, number: int) -> float:
 def _name(session: Session, node: Node) -> str:
     """The user's name for a model, or all changes on the path to it: two paths may end with the same change."""
     steps = session.path_to(node.number)
-    return node.name or ", ".join(step.change for step in steps[1:]) or steps[0].change
+    return node.name or "; ".join(step.change for step in steps[1:]) or steps[0].change
 
 
 def _figures(session: Session, nodes: list[Node], names: list[str]) -> Markup:
@@ -151,11 +151,11 @@ def swaps(session: Session, place: str) -> str:
     rows = [
         tag(
             "li",
-            tag("span", f"{named(each, candidates)}: probability {chance(each['probability'])}"),
+            tag("span", f"{named(each)}: probability {chance(each['probability'])}"),
             " ",
             button(
                 "Put in its place", "swap", effect=number, entry=model_entry(each),
-                aria_label=f"Put {named(each, candidates)} in the place of {named(old)}",
+                aria_label=f"Put {named(each)} in the place of {named(old)}",
             ),
         )
         for each in others[:_MOST_RIVALS]
