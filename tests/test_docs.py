@@ -196,7 +196,7 @@ def test_examples_page_commands_find_the_hidden_effect(tmp_path: Path) -> None:
         )
         assert done.returncode in (0, 1), done.stderr
         said += done.stdout
-    assert "Recommended: gear_harmonics [3]" in said
+    assert "Recommended: gear_harmonics 3" in said
 
 
 def test_example_notebook_runs_and_its_results_render_as_html(

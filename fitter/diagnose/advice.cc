@@ -112,6 +112,33 @@ std::string command_to_add(const EffectRequest& request) {
   return "armtrue add FIT " + request.effect + joints + options + " --out FIT2";
 }
 
+// True if the data settle that `best` is the cause and not `other`: no poses need to be measured
+// for that. The figures are those of `armtrue plan` (docs/planning.md, the ambiguity set), not
+// refitted.
+bool is_settled(const Candidate& best, const Candidate& other) {
+  constexpr double kSettled = 10.0;
+  return other.delta_bic - best.delta_bic >= kSettled &&
+         (find_effect(other.request.effect).generic() ||
+          best.score.gain - other.score.gain >= kSettled);
+}
+
+// "gear_harmonics 3 or axis_wobble 3: …": which of the two these data prefer, and how to tell them
+// apart if that is open.
+std::string advise_rival(const Candidate& best, const Candidate& other, int joints) {
+  constexpr double kImprobable = 0.05;
+  const std::string either = label(best.request) + " or " + label(other.request) + ": ";
+  const std::string how = "; " + how_to_tell(best, other, joints);
+  const bool settled = is_settled(best, other);
+  if (!settled && other.probability >= kImprobable) return either + "this data cannot tell" + how;
+  std::string text = either + "this data prefers the first, but the second explains " +
+                     (other.score.explained > best.score.explained ? "more" : "nearly as much");
+  if (other.parameters.size() > best.parameters.size()) {
+    text += " with " + std::to_string(other.parameters.size()) + " parameters instead of " +
+            std::to_string(best.parameters.size());
+  }
+  return text + (settled ? "" : how);
+}
+
 void advise_missing(const Diagnosis& d, const Robot& robot, std::vector<std::string>& advice) {
   const Candidate& best = *d.recommended();
   advice.push_back("add it: " + command_to_add(best.request));
@@ -121,12 +148,9 @@ void advise_missing(const Diagnosis& d, const Robot& robot, std::vector<std::str
     if (&other == &best) continue;
     const auto& set = best.confounded_with;
     if (std::find(set.begin(), set.end(), label(other.request)) == set.end()) continue;
-    const std::string verdict =
-        other.probability < 0.05
-            ? ": this data prefers the first, but the second explains nearly as much; "
-            : ": this data cannot tell; ";
-    advice.push_back(label(best.request) + " or " + label(other.request) + verdict +
-                     how_to_tell(best, other, robot.joint_count()));
+    const std::string sentence = advise_rival(best, other, robot.joint_count());
+    // Forms of one effect have one label.
+    if (advice.back() != sentence) advice.push_back(sentence);
     if (advice.size() >= 6) break;
   }
 }

@@ -171,13 +171,39 @@ void recommend(Diagnosis& d) {
   first->recommend = nothing_else < kMoreLikelyThanNot || first->in_any_form >= kSurely;
 }
 
+// Why a candidate that is significant alone is improbable, beside the recommended one.
+std::string why_improbable(const Candidate& c, const Diagnosis& d) {
+  const Candidate* best = d.recommended();
+  if (!best) return "an alternative, or not surely seen in these data";
+  const std::string first = label(best->request);
+  if (c.score.explained <= best->score.explained)
+    return first + " explains more of the squared residual";
+  std::string likelier = first;
+  std::size_t parameters = best->parameters.size();
+  for (const Candidate& other : d.candidates) {
+    if (&other == best || !other.likeliest || other.probability < kMoreLikelyThanNot) continue;
+    likelier += " + " + label(other.request);
+    parameters += other.parameters.size();
+  }
+  const std::string more =
+      "explains more than " + first + ", but with " + std::to_string(c.parameters.size());
+  if (c.parameters.size() <= parameters)
+    return "explains more than " + first +
+           ", but is less probable: the usual size of such an effect, and joints that repeat "
+           "badly, "
+           "count as well";
+  return likelier == first ? more + " parameters instead of " + std::to_string(parameters)
+                           : more + " parameters; more probable are " + likelier + ", with " +
+                                 std::to_string(parameters);
+}
+
 void explain(Diagnosis& d, const Fit& fit) {
   for (Candidate& c : d.candidates) {
     c.why = c.spanned    ? "the data cannot tell it from what is fitted already"
             : c.left_out ? "was fitted and left out, for it predicts unseen poses no better"
             : c.recommend || c.probability > kMoreLikelyThanNot ? evidence_words(c, fit)
             : c.probability > kWorthNaming ? "an alternative, or not surely seen in these data"
-            : c.delta_bic < 0.0            ? "another candidate explains the residual better"
+            : c.delta_bic < 0.0            ? why_improbable(c, d)
                                            : "these data show nothing of it";
   }
 }

@@ -1,14 +1,23 @@
-"""Candidates of a diagnosis as people name them, the same in the terminal, the report and the workbench."""
+"""Names of effects and candidates: one spelling for the terminal, the report and the workbench."""
 
 from __future__ import annotations
 
 import json
 import re
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from armtrue.units import value_and_sigma
+
+# Options with lists of numbers: words before, factor from SI units, words after. They are part of a label.
+_LISTS = {
+    "orders": ("order ", 1.0, ""),
+    "cycles": ("", 1.0, " cycles a turn"),
+    "wavelengths": ("waves of ", 1e3, " mm"),
+}
+_UNITS = {"tau": " s", "soft_torque": " Nm", "theta0": " rad"}
+_LABEL = rf"(\w+)(?: ([\d,]+))?(?: ({'|'.join(_LISTS)}) (\[[^\]]*\]))"
 
 
 def options_of(entry: dict[str, Any]) -> dict[str, Any]:
@@ -32,34 +41,48 @@ def option_words(entry: dict[str, Any]) -> list[str]:
 
 
 def name(entry: dict[str, Any]) -> str:
-    """`effect [joints]` of a candidate or an added effect."""
-    joints = entry.get("joints") or []
+    """An effect, candidate or entry of a model as people read it: `gear_mesh 2 (99.5 cycles a turn)`.
+
+    The joints are as `--joints` takes them. The options are all those that distinguish one variant from another.
+    """
+    joints = ",".join(map(str, entry.get("joints") or []))
     options = options_of(entry)
-    cycles = ", ".join(f"{value:g}" for value in options.get("cycles") or [])
-    lengths = ", ".join(f"{1e3 * value:g}" for value in options.get("wavelengths") or [])
-    return (
-        str(entry["effect"])
-        + (f" [{joint_words(joints)}]" if joints else "")
-        + (f" {cycles} cycles a turn" if cycles else "")
-        + (f" waves of {lengths} mm" if lengths else "")
+    # A user's own effect is known by its name.
+    shown = {"name": options["name"]} if "name" in options else options
+    words = [word for key, value in shown.items() if (word := _option(key, value))]
+    return " ".join(
+        [entry["effect"], *([joints] if joints else []), *([f"({', '.join(words)})"] if words else [])]
     )
 
 
-def called(entry: dict[str, Any], others: Sequence[dict[str, Any]] = ()) -> str:
-    """The `name` of a candidate or effect, with the orders and options that distinguish it from `others`."""
-    orders = ", ".join(f"{value:g}" for value in options_of(entry).get("orders") or [])
-    return ", ".join([name(entry), *([f"order {orders}"] if orders else []), *form_words(entry, others)])
+def _option(key: str, value: Any) -> str:
+    """An option in words; empty for one that is off, or that no word can show, as the nodes of a table."""
+    if key in _LISTS and value:
+        before, factor, after = _LISTS[key]
+        figures = ", ".join(f"{factor * figure:.5g}" for figure in value)
+        return f"{before if len(value) == 1 else before.replace('order', 'orders')}{figures}{after}"
+    if value is True:
+        return key
+    if isinstance(value, str):
+        return value if key == "name" else f"{key} {value}"
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return f"{key} {value:.5g}{_UNITS.get(key, '')}" if is_number else ""
 
 
-def form_words(entry: dict[str, Any], others: Sequence[dict[str, Any]] = ()) -> list[str]:
-    """Options that distinguish variants of an effect (`shape beam`, `soft`); the sensor if `others` read several."""
+def label(entry: dict[str, Any]) -> str:
+    """A candidate as `confounded_with` of a diagnosis lists it: `gear_mesh 3 orders [13]`."""
     options = options_of(entry)
-    words = [f"{key} {options[key]}" for key in ("shape", "name") if options.get(key)]
-    words += ["soft"] if options.get("soft") else []
-    sensors = {options_of(other).get("sensor") for other in others} - {None}
-    if options.get("sensor") in sensors and len(sensors) > 1:
-        words.append(f"sensor {options['sensor']}")
-    return words
+    lists = [
+        f"{key} [{','.join(f'{figure:.6g}' for figure in options[key])}]"
+        for key in _LISTS
+        if options.get(key)
+    ]
+    return " ".join([name({key: entry.get(key) for key in ("effect", "joints")}), *lists])
+
+
+def spelled(sentence: str) -> str:
+    """A sentence of the diagnosis with each effect of orders, cycles or wavelengths as `name` spells it."""
+    return re.sub(_LABEL, lambda found: name(entry_of(found[0])), sentence)
 
 
 def joint_words(joints: list[int]) -> str:
@@ -71,7 +94,7 @@ def joint_words(joints: list[int]) -> str:
 
 def entry_of(label: str) -> dict[str, Any]:
     """Effect, joints and options of a candidate that the diagnosis names as `gear_mesh 3 orders [13]`."""
-    found = re.fullmatch(r"(\S+)(?: ([\d,]+))?(?: (orders|cycles|wavelengths) (\[.*\]))?", label)
+    found = re.fullmatch(rf"{_LABEL}?", label)
     if found is None:
         return {"effect": label}
     joints = [int(joint) for joint in found[2].split(",")] if found[2] else []
@@ -80,7 +103,7 @@ def entry_of(label: str) -> dict[str, Any]:
 
 
 def parameter_lines(parameters: list[dict[str, Any]]) -> list[str]:
-    """Each parameter of a candidate with its sigma; one line for a table or grid, whose nodes are the score's."""
+    """Each parameter of a candidate with its sigma; one line for a table or grid."""
     tables: dict[str, list[dict[str, Any]]] = {}
     lines = []
     for parameter in parameters:
@@ -98,7 +121,7 @@ def parameter_lines(parameters: list[dict[str, Any]]) -> list[str]:
         high, _, high_unit = value_and_sigma(max(values), None, nodes[0]["unit"])
         spread, _, spread_unit = value_and_sigma(typical, None, nodes[0]["unit"])
         lines.append(
-            f"{stem}: {len(nodes)} nodes from {low} {unit} to {high} {high_unit}, "
-            f"each ± {spread} {spread_unit} (median); these nodes are the score's, a fit has its own"
+            f"{stem}: {len(nodes)} nodes from {low} {unit} to {high} {high_unit}, typically ± {spread} "
+            f"{spread_unit}; a fit chooses its own nodes"
         )
     return lines

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from armtrue import _core, notebook
+from armtrue.candidates import name
 from armtrue.fitting import Fit, from_core, refusals_about
 from armtrue.progress import Progress
 from armtrue.verdicts import length_words, scored_mean_um, verdict_words, why_words
@@ -46,8 +47,7 @@ class Diagnosis(dict[str, Any]):
     def __str__(self) -> str:
         lines = [verdict_words(self)]
         if (best := self.recommended) is not None:
-            joints = f" {', '.join(map(str, best['joints']))}" if best["joints"] else ""
-            lines.append(f"{best['effect']}{joints}: {why_words(best)}")
+            lines.append(f"{name(best)}: {why_words(best)}")
         lines += [
             f"left over, depends on {entry['variable']}: {entry['shape']}" for entry in self.unexplained
         ]
@@ -75,8 +75,8 @@ class Refinement(dict[str, Any]):
     def __str__(self) -> str:
         lines = []
         for step in self["steps"]:
-            put = [f"+ {_name(step['added'])}"] if step.get("added") else []
-            changes = ", ".join(put + [f"− {_name(entry)}" for entry in step.get("removed") or []])
+            put = [f"+ {name(step['added'])}"] if step.get("added") else []
+            changes = "; ".join(put + [f"− {name(entry)}" for entry in step.get("removed") or []])
             mean = length_words(scored_mean_um(step["error"]["held_out"]))
             lines.append(f"{mean:>10} µm  {changes or 'as it stood'}")
         return "\n".join(lines)
@@ -113,8 +113,3 @@ def refine(fit: Fit, progress: Progress | None = None, on_step: Step | None = No
     refined.document["left_out_effects"] = result.pop("left_out")
     refined.document["verdict"] = result["steps"][-1]["verdict"]
     return refined, Refinement(result)
-
-
-def _name(entry: dict[str, Any]) -> str:
-    joints = ", ".join(map(str, entry.get("joints") or []))
-    return f"{entry['effect']} [{joints}]" if joints else str(entry["effect"])

@@ -26,6 +26,13 @@ class RowError(InputError):
         self.row = row
 
 
+class ForeignError(InputError):
+    """The file is not in the form or the units of docs/files.md; the message ends with the command that reads it."""
+
+    def __init__(self, found: str, command: str) -> None:
+        super().__init__(f"{found}; this writes the dataset.yaml that reads a foreign file: {command}")
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return `" (did you mean 'x'?)"` for the nearest of `known`, or an empty string where none is near."""
     by_lower_case = {name.lower(): name for name in sorted(known)}

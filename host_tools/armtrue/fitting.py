@@ -226,6 +226,25 @@ class Fit:
         """Measured minus predicted in standard deviations: (N, 3), or (N, 6) where orientations were measured."""
         return self._kept("in noise", lambda core: _core.residuals_in_noise(core, core))
 
+    def turns(self) -> NDArray[np.float64] | None:
+        """Measured relative to predicted orientations (N, 3) as rotation vectors [rad]; None if none were measured."""
+        sigma = self.document["noise"]["sigma_rotation_rad"]
+        return None if sigma is None else np.asarray(sigma * self.residuals_in_noise()[:, 3:])
+
+    def orientation_error(self) -> dict[str, float] | None:
+        """Angles [rad] between measured and predicted orientations of the fitted rows: `mean`, `rms`, `p95`, `max`."""
+        turns = self.turns()
+        if turns is None:
+            return None
+        rejected = [int(entry["index"]) for entry in self.document["rejected"]]
+        angle = np.linalg.norm(np.delete(turns, rejected, axis=0), axis=1)
+        return {
+            "mean": float(angle.mean()),
+            "rms": float(np.sqrt(np.mean(angle**2))),
+            "p95": float(np.percentile(angle, 95.0)),
+            "max": float(angle.max()),
+        }
+
     def _kept(self, name: str, work: Callable[[_core.Fit], Any]) -> NDArray[np.float64]:
         """An array of the library, cached because charts ask for the same ones repeatedly."""
         if name not in self._arrays:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue import _core
-from armtrue.candidates import model_entry
+from armtrue.candidates import label, model_entry
 from armtrue.diagnosis import diagnose
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
@@ -85,6 +85,10 @@ class Plan:
     columns: dict[str, NDArray[np.float64]]
     figures: dict[str, Any] = field(default_factory=dict)
     target: str | None = None
+
+    def __repr__(self) -> str:
+        sentences = [*self.decisions(), *filter(None, [self.precision()])]
+        return "\n".join([f"{self.count} poses of {', '.join(self.columns)}", *sentences])
 
     @property
     def count(self) -> int:
@@ -340,14 +344,14 @@ def ambiguity(fit: Fit, diagnosis: Mapping[str, Any]) -> Ambiguity | None:
     lead = candidates[0]
     first = model_entry(lead)
     # Candidates that differ only in their sensor have one name; the dict keeps the better one.
-    listed = {_name(entry): entry for entry in map(model_entry, reversed(candidates))}
-    named = [entry_of(label) for label in lead.get("confounded_with", [])]
+    listed = {label(entry): entry for entry in map(model_entry, reversed(candidates))}
+    named = [entry_of(called) for called in lead.get("confounded_with", [])]
     others = [model_entry(other) for other in of_other_sensors(lead, candidates)]
-    others += [listed.get(_name(entry), entry) for entry in named]
+    others += [listed.get(label(entry), entry) for entry in named]
     evidence, *found = json.loads(_core.plan_evidence(fit.core, json.dumps([first, *others])))
     if evidence is None:
         raise InputError(
-            f"plan: {_name(first)} cannot be fitted, expected the diagnosis' first candidate to be"
+            f"plan: {label(first)} cannot be fitted, expected the diagnosis' first candidate to be"
         )
     tables = {effect["id"] for effect in json.loads(_core.effects()) if effect["generic"]}
     rivals = []
@@ -355,10 +359,10 @@ def ambiguity(fit: Fit, diagnosis: Mapping[str, Any]) -> Ambiguity | None:
         change, misfit = (
             (figures[key] - evidence[key] for key in ("delta_bic", "misfit")) if figures else (None, None)
         )
-        called = _name(entry) + _sensor_words(fit, entry)
+        called = label(entry) + _sensor_words(fit, entry)
         rivals.append(Rival(called, entry, change, misfit, entry["effect"] in tables))
     rivals.sort(key=lambda rival: math.inf if rival.delta_bic is None else rival.delta_bic)
-    return Ambiguity(_name(first) + _sensor_words(fit, first), first, rivals)
+    return Ambiguity(label(first) + _sensor_words(fit, first), first, rivals)
 
 
 def entry_of(candidate: str) -> dict[str, Any]:
@@ -400,17 +404,6 @@ _CANDIDATE = re.compile(
 def _number(text: str) -> float | int:
     value = float(text)  # ValueError for text that passes _CANDIDATE but is no number, such as 1-2
     return int(value) if value.is_integer() else value
-
-
-def _name(entry: Mapping[str, Any]) -> str:
-    """An entry of model.yaml as `confounded_with` names it: effect, joints, and the orders of a gear."""
-    text = str(entry["effect"])
-    if entry.get("joints"):
-        text += " " + ",".join(map(str, entry["joints"]))
-    for key in ("cycles", "orders", "wavelengths"):
-        if key in entry:
-            text += f" {key} [{','.join(f'{value:.6g}' for value in entry[key])}]"
-    return text
 
 
 def _options(

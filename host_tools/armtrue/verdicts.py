@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+from armtrue.candidates import spelled
 
 _WORDS = {
     "nothing_missing": "Nothing is missing: what is left is noise.",
@@ -21,6 +23,12 @@ FLOOR_SOURCES = {
     "sigma": "from the stated sigma",
     "none": "nothing recorded tells it",
 }
+
+# Why the floor of `repeats` differs from one model to the next.
+FLOOR_MOVES = (
+    "The noise floor is the scatter of the errors at poses measured again. It falls when the model explains why two "
+    "visits of a pose differ, such as by temperature; from few repeats it can come out above the held-out error."
+)
 
 # A candidate explains nearly as much as the first from this share of the first's `explained` on (docs/planning.md).
 _NEARLY = 0.9
@@ -45,8 +53,8 @@ PARTS_OF_ERROR = {
 
 
 def with_signs(sentence: str) -> str:
-    """A sentence of the diagnosis, which is plain ASCII, with units and arrows as they are printed."""
-    return sentence.replace(" um", " µm").replace(" urad", " µrad").replace("->", "→")
+    """A sentence of the diagnosis, which is plain ASCII, with names, units and arrows as they are printed."""
+    return spelled(sentence).replace(" um", " µm").replace(" urad", " µrad").replace("->", "→")
 
 
 def scored(figures: Mapping[str, Any]) -> dict[str, Any]:
@@ -77,6 +85,18 @@ def chance(probability: float) -> str:
     if probability > 0.995:
         return "> 99 %"
     return "< 1 %" if probability < 0.005 else f"{100 * probability:.0f} %"
+
+
+def needs_words(needs: Sequence[str]) -> str:
+    """What an untestable effect needs: `the columns qr1 to qr6`, `linkage in robot.yaml`."""
+    columns = [need for need in needs if " " not in need]
+    parts = [need for need in needs if " " in need]
+    if columns:
+        numbers = [int(digits[0]) for column in columns if (digits := re.search(r"\d+$", column))]
+        is_run = len(columns) > 2 and numbers == list(range(numbers[0], numbers[0] + len(columns)))
+        listed = f"{columns[0]} to {columns[-1]}" if is_run else ", ".join(columns)
+        parts.insert(0, f"the column{'s' if len(columns) > 1 else ''} {listed}")
+    return ", ".join(parts)
 
 
 def why_words(candidate: Mapping[str, Any]) -> str:

@@ -22,7 +22,7 @@ _SHIPPED = (Path(__file__).with_name("scenarios"), Path(__file__).parents[1] / "
 def _shipped(path: Path) -> Path:
     """The path of a shipped scenario that is named without folder and ending; any other path unchanged."""
     named = [folder / f"{path}.yaml" for folder in _SHIPPED if path.name == str(path)]
-    return next((file for file in named if file.exists() and not path.exists()), path)
+    return next((file for file in named if file.exists() and not path.is_file()), path)
 
 
 @dataclass

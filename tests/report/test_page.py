@@ -13,6 +13,10 @@ import numpy as np
 import pytest
 from armtrue import Fit, add, diagnose
 from armtrue.report import write
+from armtrue.report.gathered.steps import steps_of
+from armtrue.report.page import document
+from armtrue.report.pictures.arm import scene
+from armtrue.report.sections.residual_sections import viewer
 from browser import A4, LAPTOP, PHONE, Browser
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
@@ -180,11 +184,39 @@ def test_candidate_figures_and_captions_are_inside_the_window(browser, page, siz
     assert browser.run(cut)
 
 
-def test_tables_of_the_error_need_no_scrolling_on_a_laptop(laptop):
+@pytest.mark.parametrize("width", [1280, 820], ids=["laptop", "tablet"])
+def test_tables_of_the_error_need_no_scrolling_on_a_laptop(browser, page, width):
+    browser.open(page, (width, 800))
+    long_name = """document.querySelectorAll('#error tbody th').forEach((e) => {
+        e.textContent = 'step 2: + command_readback [2, 3]';
+    })"""
+    browser.run(long_name)
     beyond = (
         "return [...document.querySelectorAll('#error .scroll')].map((e) => e.scrollWidth - e.clientWidth)"
     )
-    assert laptop.run(beyond) == [0, 0]
+    assert browser.run(beyond) == [0, 0]
+
+
+@pytest.mark.parametrize("size", [LAPTOP, (800, 900)], ids=["laptop", "tablet"])
+def test_head_of_the_page_is_whole(browser, page, size):
+    """The summary has no empty tile, the menu shows every section, and names of steps break between words alone."""
+    browser.open(page, size)
+    tiles, menu, broken = browser.run("""
+        const area = (e) => e.clientWidth * e.clientHeight;
+        const tiles = [...document.querySelectorAll('dl div')].reduce((sum, e) => sum + area(e), 0);
+        const menu = document.querySelector('nav ul');
+        const broken = [...document.querySelectorAll('.step strong')].flatMap((e) => {
+            const node = e.firstChild, range = document.createRange();
+            return [...node.data.matchAll(/\\S+/g)].filter((word) => {
+                range.setStart(node, word.index);
+                range.setEnd(node, word.index + word[0].length);
+                return range.getClientRects().length > 1;
+            }).map((word) => word[0]);
+        });
+        return [tiles / area(document.querySelector('dl')), menu.scrollWidth - menu.clientWidth, broken]""")
+    assert tiles > 0.97
+    assert menu <= 0
+    assert broken == []
 
 
 @pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
@@ -484,3 +516,37 @@ def test_lines_and_marks_differ_in_more_than_colour(laptop, fits: list[Fit]):
     widths = laptop.run("""return ['length0', 'length1', 'length2', 'length3'].map((name) =>
         parseFloat(getComputedStyle(document.querySelector('.stage .' + name)).strokeWidth))""")
     assert widths == sorted(set(widths))
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_lengths_of_arrows_differ_in_colour(browser, page, dark):
+    browser.open(page, dark=dark)
+    colours = browser.run("""return ['length0', 'length1', 'length2', 'length3'].map((name) =>
+        getComputedStyle(document.querySelector('.stage .' + name)).stroke)""")
+    assert len(set(colours)) == 4
+
+
+def test_arrows_of_many_poses_are_thinner_and_shorter(browser, fits, tmp_path):
+    drawn = scene(steps_of([(fits[0], "fit")]))
+    many = {
+        **drawn,
+        "rows": 10 * drawn["rows"],
+        "points": 10 * drawn["points"],
+        "joints": 10 * drawn["joints"],
+    }
+    many["vectors"] = [10 * vectors for vectors in drawn["vectors"]]
+    seen = []
+    for k, each in enumerate((drawn, many)):
+        place = tmp_path / f"{k}.html"
+        place.write_text(document("arrows", viewer(each, "arrows")))
+        browser.open(place)
+        browser.settle()
+        seen.append(
+            browser.run("""
+                const arrow = document.querySelector('.stage > svg > .length3');
+                const scale = document.querySelector('.stage .ruler + text').textContent.split('×')[1];
+                return [parseFloat(getComputedStyle(arrow).strokeWidth), Number(scale.replace(/\\D/g, ''))]""")
+        )
+    (width, scale), (many_width, many_scale) = seen
+    assert many_width < 0.5 * width
+    assert many_scale <= 0.5 * scale

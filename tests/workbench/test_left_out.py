@@ -138,5 +138,5 @@ def test_session_of_dropped_files_resumes_if_dropped_again(start, browser, campa
     model = page.model()
     page.workbench.kill()
     again = dropped()
-    again.until(lambda: "gone on with" in again.status(), "word of the session")
+    again.until(lambda: "session continues" in again.status(), "word of the session")
     assert again.model() == model

@@ -43,9 +43,23 @@ def test_killed_server_restores_the_session(start, browser):
     for key in ("effects", "error", "verdict", "steps", "models"):
         assert after[key] == before[key]
     page = Page(browser, second.address)
-    assert "gone on with" in page.status()
+    assert "session continues" in page.status()
     page.press("Undo")
     assert len(second.state()["steps"]) == 1
+
+
+def test_page_of_a_killed_server_says_so_and_shows_no_progress(start, browser):
+    workbench = start()
+    page = Page(browser, workbench.address)
+    workbench.do(do="refine")
+    page.until(lambda: page.by_role("header progress", "progressbar", "Progress"), "progress")
+    workbench.kill()
+    page.until(lambda: "does not answer" in page.failure(), "word of the end")
+    browser.run("document.querySelector('[data-panel=parameters] summary').click()")
+    slot = "return document.querySelector('[data-panel=parameters] .panel-slot').innerText"
+    page.until(lambda: "does not answer" in browser.run(slot), "word in the panel")
+    assert not page.by_role("progress", "progressbar")
+    assert "fetch" not in browser.run("return document.body.innerText")
 
 
 def test_second_workbench_is_refused_until_the_first_is_killed(start, campaign):
@@ -57,6 +71,7 @@ def test_second_workbench_is_refused_until_the_first_is_killed(start, campaign):
     assert second.stdout == ""
     (sentence,) = second.stderr.strip().splitlines()
     assert f"open in another workbench (process {first.process.pid})" in sentence
+    assert first.address in sentence
     assert first.do(do="add", candidate=0) == 200
     first.kill()
     start()

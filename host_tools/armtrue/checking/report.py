@@ -57,7 +57,10 @@ class CheckReport:
     def __str__(self) -> str:
         return "\n".join(
             [
-                *(f"{f.severity}: {f.code}: {f.message} {f.remedy}".rstrip() for f in self.findings),
+                *(
+                    f"{f.severity}: {f.code}: {f.message.rstrip('.')}. {f.remedy}".rstrip()
+                    for f in self.findings
+                ),
                 self.summary(),
             ]
         )

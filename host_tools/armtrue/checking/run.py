@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,8 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
             for row in finding.evidence.get("rows", [])
         ]
         riding = riding.take(~np.isin(riding.rows, named))
-        alignment = align(units.in_si_units(alignment_columns(riding), robot), robot)
+        riding = replace(riding, columns=units.in_si_units(riding.columns, robot))
+        alignment = align(alignment_columns(riding), robot)
         findings += residuals.find_gross(riding, alignment)
         findings += residuals.find_stated_poses(riding, alignment, robot)
         findings += gravity.find(alignment.measuring_from_base, robot)
@@ -69,13 +71,14 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
 
 def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
     """Findings that need no fit, in milliseconds if nothing is wrong; `fit` asks for them before it begins."""
+    in_radians = replace(data, columns=units.joints_in_si_units(data.columns, robot))
     findings = [
         *units.find(data, robot),
         *units.find_time(data, robot),
         *units.find_travel(data, robot),
         *units.find_ratios(robot),
         *masses.find(data, robot),
-        *motion.find(data, robot),
+        *motion.find(in_radians, robot),
         *directions.find(data),
         *temperatures.find(data),
         *temperatures.without_columns(data, robot),

@@ -15,9 +15,10 @@ from armtrue.checking.report import Finding
 from armtrue.checking.scatter import rounding, sigma
 from armtrue.errors import InputError
 from armtrue.io.catalogue import with_role
-from armtrue.io.dataset import Dataset
+from armtrue.io.dataset import Dataset, with_travels
 from armtrue.io.model import Model
 from armtrue.io.robot import Robot
+from armtrue.verdicts import needs_words
 
 # Enough rows to find parameters that the poses do not separate; more only take time.
 _ROWS = 300
@@ -71,7 +72,7 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
 
     model = Model([{"effect": effect} for effect in with_role("placement", "geometry")])
     try:
-        geometry = fit(data.take(evenly(data.count, _ROWS)), robot, model, folds=2)
+        geometry = fit(with_travels(data).take(evenly(data.count, _ROWS)), robot, model, folds=2)
         untestable = json.loads(_core.untestable(geometry.core))
     except InputError as error:
         return [Finding("no_fit", "warning", f"the geometry cannot be fitted to these data: {error}")]
@@ -95,12 +96,19 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
         Finding(
             "untestable",
             "note",
-            f"{entry['effect']} cannot be tested without {', '.join(entry['needs'])}",
+            f"{entry['effect']} cannot be tested without {needs_words(entry['needs'])}",
             entry,
-            "Record it, should the arm or the session give reason to suspect the effect.",
+            _way_to_test(entry["needs"]),
         )
         for entry in untestable
     ]
+
+
+def _way_to_test(needs: list[str]) -> str:
+    """What to do about an effect that needs `needs`; empty where the arm or the model is of another kind."""
+    if any(" " not in need or "temp_NAME" in need for need in needs):
+        return "Record it, should the arm or the session give reason to suspect the effect."
+    return "State it in robot.yaml, if the arm has it." if "robot.yaml" in " ".join(needs) else ""
 
 
 def _coverage(data: Dataset, robot: Robot) -> Iterator[Finding]:

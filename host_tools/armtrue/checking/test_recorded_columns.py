@@ -15,6 +15,7 @@ from armtrue.checking import Finding, check, temperatures, units
 from armtrue.checking.directions import find
 from armtrue.checking.run import refuse_what_cannot_be_an_arm
 from armtrue.io import Dataset, Robot, load_data, load_robot
+from armtrue.io.ways import directions
 
 Change = Callable[[np.ndarray], np.ndarray]
 
@@ -227,6 +228,37 @@ def test_implausible_travel_is_reported_as_another_unit(campaign):
     found = only(units.find_travel(degrees, robot))
     assert "'travel3: {column: travel3, unit: deg}'" in found.remedy
     assert any(finding.code == "travel_unit" for finding in check(degrees, robot).findings)
+
+
+def test_travel_that_follows_from_the_rows_is_no_column_of_the_file(campaign, tmp_path):
+    data, robot = campaign()
+    header, *rows = [line.split(",") for line in (tmp_path / "data.csv").read_text().splitlines()]
+    for name, values in directions(data.columns).items():
+        for row, value in zip(rows, values, strict=True):
+            row[header.index(name)] = f"{value:.0f}"
+    file = tmp_path / "ordered.csv"
+    file.write_text("\n".join(map(",".join, [header, *rows])) + "\n")
+    travelled = load_data(file, robot)
+    assert "travel1" in travelled.columns
+    spec = json.loads(json.dumps(robot.spec))
+    spec["kinematics"]["joints"][0]["limits"] = [-1.0, 1.0]
+    narrow = replace(robot, spec=spec)
+    assert not any("travel1" in warning for warning in refuse_what_cannot_be_an_arm(travelled, narrow))
+    found = check(load_data(file, robot, strict=False), robot).findings
+    assert not any("hysteresis" in finding.message for finding in found)
+
+
+def test_untestable_effects_have_a_remedy_that_can_be_followed(campaign):
+    found = {
+        finding.evidence["effect"]: finding
+        for finding in check(*campaign()).findings
+        if finding.code == "untestable"
+    }
+    assert found["nest"].message == "nest cannot be tested without the column nest"
+    assert found["nest"].remedy.startswith("Record it")
+    assert "the columns qr1 to qr6" in found["command_readback"].message
+    assert found["parallelogram"].remedy.startswith("State it in robot.yaml")
+    assert found["axis_straightness"].remedy == ""
 
 
 def test_gear_ratio_below_one_is_reported(campaign):

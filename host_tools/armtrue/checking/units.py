@@ -43,7 +43,8 @@ def find(data: Dataset, robot: Robot) -> list[Finding]:
                 "error",
                 f"column {name} row {data.rows[at]}: found {data.columns[name][at]:.6g}, expected {expected}",
                 evidence,
-                "Give the column's unit in a dataset.yaml, or write the file in SI units.",
+                "Give the column's unit in a dataset.yaml ('armtrue init' writes one, and guesses the units of joints "
+                "and points), or write the file in SI units.",
             )
         )
     return findings
@@ -84,9 +85,11 @@ def find_travel(data: Dataset, robot: Robot) -> list[Finding]:
     """A warning for each joint that came further in one direction than it can turn."""
     findings = []
     for k, joint in enumerate(robot.joints, start=1):
-        if f"travel{k}" not in data.columns or "limits" not in joint or k in robot.passive:
+        name = f"travel{k}"
+        recorded = name in data.columns and name not in data.derived
+        if not recorded or "limits" not in joint or k in robot.passive:
             continue
-        furthest, (lo, hi) = float(data.columns[f"travel{k}"].max()), joint["limits"]
+        furthest, (lo, hi) = float(data.columns[name].max()), joint["limits"]
         if furthest <= _MOST_TRAVEL * (hi - lo):
             continue
         unit, per_unit = ("deg", math.radians(1.0)) if joint["type"] == "revolute" else ("mm", 1e-3)
@@ -95,10 +98,10 @@ def find_travel(data: Dataset, robot: Robot) -> list[Finding]:
             Finding(
                 "travel_unit",
                 "warning",
-                f"{data.file.name} column travel{k}: found {furthest:.3g}, expected no more than the {hi - lo:.3g} "
+                f"{data.file.name} column {name}: found {furthest:.3g}, expected no more than the {hi - lo:.3g} "
                 f"between the limits of joint {k}: how far it came in its last direction{likely}",
                 {"joint": k, "found": furthest, "range": hi - lo},
-                f"Give it its unit in dataset.yaml, as in 'travel{k}: {{column: travel{k}, unit: {unit}}}' under "
+                f"Give it its unit in dataset.yaml, as in '{name}: {{column: {name}, unit: {unit}}}' under "
                 "columns, or leave the column out.",
             )
         )
@@ -133,7 +136,7 @@ def _scale(data: Dataset, robot: Robot) -> float | None:
     riding = without_fixed_targets(data) if fixed_targets(data) else data
     if too_few_poses(riding.joints):
         return None
-    scale = lengths.scale_of(_joints_in_si_units(alignment_columns(riding), robot), robot)
+    scale = lengths.scale_of(joints_in_si_units(alignment_columns(riding), robot), robot)
     return scale if lengths.unit_of_points(scale, robot) else None
 
 
@@ -144,15 +147,20 @@ def positions_are_in_another(columns: Columns, robot: Robot) -> bool:
 
 def in_si_units(columns: Columns, robot: Robot) -> Columns:
     """`columns` with joints and positions of a wrong unit converted to SI, so that the other checks can go on."""
-    repaired = _joints_in_si_units(columns, robot)
+    repaired = joints_in_si_units(columns, robot)
     if positions_are_in_another(columns, robot):
         repaired = lengths.scaled(repaired, lengths.nearest_unit(repaired, robot))
     return repaired
 
 
-def _joints_in_si_units(columns: Columns, robot: Robot) -> Columns:
+def joints_in_si_units(columns: Columns, robot: Robot) -> Columns:
+    """`columns` with revolute joints, commanded or read back, that must be in degrees converted to radians."""
     wrong = {name for name, _, _ in wrong_units(columns, robot)}
-    revolute = [f"q{k}" for k, joint in enumerate(robot.joints, start=1) if joint["type"] == "revolute"]
-    if not wrong & set(revolute):
-        return columns
-    return columns | {name: np.radians(columns[name]) for name in revolute}
+    repaired = dict(columns)
+    for stem in ("q", "qr"):
+        turning = {
+            f"{stem}{k}" for k, joint in enumerate(robot.joints, start=1) if joint["type"] == "revolute"
+        }
+        if wrong & turning:
+            repaired |= {name: np.radians(columns[name]) for name in turning & set(columns)}
+    return repaired

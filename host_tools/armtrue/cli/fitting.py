@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,7 +25,7 @@ from armtrue.cli.shared.options import (
 )
 from armtrue.cli.shared.output import Output, plain_table, waiting
 from armtrue.cli.shared.parameters import present_parameters
-from armtrue.errors import InputError, did_you_mean
+from armtrue.errors import ForeignError, InputError, did_you_mean
 from armtrue.io import load_model, load_robot
 from armtrue.io.catalogue import catalogue
 from armtrue.io.model import check_effect
@@ -76,7 +78,10 @@ def fit(
 
     output = Output(json_to)
     arm = load_robot(robot)
-    measurements = load_measurements(data, arm, [out, json_to], skip_bad=skip_bad)
+    try:
+        measurements = load_measurements(data, arm, [out, json_to], skip_bad=skip_bad)
+    except ForeignError as error:
+        raise InputError(f"{error} --model {shlex.quote(str(model))}") from None
     effects = load_model(model, arm, measurements.columns)
     if leave_out is not None:
         rows = _whole_numbers(leave_out, "--leave-out", "row numbers such as 12,40")
@@ -204,9 +209,13 @@ def _without(
 
 
 def summary(result: Fit) -> dict[str, Any]:
-    """The figures of a fit for --json: all of fit.json but the robot and the terms."""
+    """The figures of a fit for --json: all of fit.json but the robot and the terms, and the error of orientation."""
     document = dict(result.document)
     document.pop("robot", None)
+    if (turned := result.orientation_error()) is not None:
+        document["orientation_error"] = {
+            "train": {f"{key}_urad": 1e6 * angle for key, angle in turned.items()}
+        }
     document["parameters"] = [
         {key: value for key, value in parameter.items() if key != "terms"}
         for parameter in document.get("parameters", [])
@@ -218,10 +227,15 @@ def present_fit(result: Fit, output: Output, all_parameters: bool = False) -> No
     """Print the errors, the noise floor, parameters, gross errors, what the data do not determine, and warnings."""
     document = result.document
     output.table(_error_table(document))
+    if (turned := result.orientation_error()) is not None:
+        table = plain_table("error of orientation [″]", *ERROR_FIGURES.values())
+        arcseconds = [f"{math.degrees(turned[key]) * 3600.0:.1f}" for key in ("mean", "rms", "p95", "max")]
+        table.add_row(PARTS_OF_ERROR["train"], *arcseconds)
+        output.table(table)
     output.say(floor_sentence(document))
     if document.get("statics") == "nominal":
         output.say(
-            "loads act as at the commanded angles: with those of the arm as it gives way, the fit is worse"
+            "gravity loads are calculated at the commanded angles: calculated at the deflected ones, they fit worse"
         )
     present_parameters(document, output, all_parameters)
     rejected = document.get("rejected", [])
@@ -252,7 +266,9 @@ def _error_table(document: dict[str, Any]) -> Any:
     error = document["error"]
     table = plain_table("error [µm]", *ERROR_FIGURES.values(), "rows")
     parts = {name: error.get(part) for part, name in PARTS_OF_ERROR.items()}
-    parts |= {f"  held out by {split}": figures for split, figures in error["held_out_by"].items()}
+    # Held-out poses are those held out at random.
+    splits = error["held_out_by"].items()
+    parts |= {f"  held out by {split}": figures for split, figures in splits if split != "random"}
     for name, figures in parts.items():
         if figures:
             table.add_row(name, *error_words(figures), str(figures.get("n", "")))

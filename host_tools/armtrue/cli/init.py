@@ -28,6 +28,15 @@ def init(
     robot: Annotated[
         Path | None, typer.Option("--robot", "-r", metavar="ROBOT", help="The arm as a robot.yaml.")
     ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model",
+            "-m",
+            metavar="MODEL",
+            help="The effects to fit, as a model.yaml; default: base, tool and geometry.",
+        ),
+    ] = None,
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write into.", show_default=False)
     ] = Path(),
@@ -44,7 +53,7 @@ def init(
     from armtrue.foreign import init as run
 
     output = Output(None)
-    guessed = run(files, out, urdf=urdf, dh=dh, robot=robot, force=force, skip_bad=skip_bad)
+    guessed = run(files, out, urdf=urdf, dh=dh, robot=robot, model=model, force=force, skip_bad=skip_bad)
     output.title("Guessed")
     output.items(guessed.notes)
     wrong = [finding for finding in guessed.findings if finding.severity == "error"]
@@ -52,10 +61,12 @@ def init(
         output.title("The measurements do not follow the arm yet")
         output.items([f"{finding.message} → {finding.remedy}" for finding in wrong])
     output.say(f"\nwritten: {', '.join(str(path) for path in guessed.written)}")
-    data, arm, model = (shlex.quote(str(out / name)) for name in ("dataset.yaml", "robot.yaml", "model.yaml"))
+    data, arm, effects = (
+        shlex.quote(str(out / name)) for name in ("dataset.yaml", "robot.yaml", "model.yaml")
+    )
     fit = shlex.quote(str(out / "fit.json"))
     output.say("next:")
     output.line(f"  armtrue check {data} --robot {arm}")
-    output.line(f"  armtrue fit {data} --robot {arm} --model {model} --out {fit}")
+    output.line(f"  armtrue fit {data} --robot {arm} --model {effects} --out {fit}")
     if wrong:
         raise typer.Exit(1)

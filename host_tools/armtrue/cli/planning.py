@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from armtrue.candidates import name
+from armtrue.cli.shared.findings import following
 from armtrue.cli.shared.fits import load_with_data
 from armtrue.cli.shared.options import JsonOption, MovedDataOption, OutOption
 from armtrue.cli.shared.output import Output, plain_table, waiting
@@ -162,7 +164,9 @@ def plan(
                 rivals = ambiguity.open if ambiguity else []
             result = planning.plan(fit, poses, rivals=rivals, progress=progress, **settings)
         if not candidates and not sharpen:
-            _present_ambiguity(ambiguity, result, f"armtrue plan {fit_file}", output)
+            moved = f" --data {shlex.quote(str(data))}" if data else ""
+            again = f"--poses {poses} --out {shlex.quote(str(following(out)))}{moved}"
+            _present_ambiguity(ambiguity, result, f"armtrue plan {shlex.quote(str(fit_file))}", again, output)
     write_file(out, result.csv())
     present_plan(result, output)
     output.say(f"\nwritten: {out}")
@@ -184,26 +188,30 @@ def present_plan(plan: Plan, output: Output) -> None:
         _present_campaign(plan, output)
 
 
-def _present_ambiguity(ambiguity: Ambiguity | None, plan: Plan, command: str, output: Output) -> None:
-    """Print what the data already decide about a diagnosis' ambiguity set, and thus the purpose of the poses."""
+def _present_ambiguity(
+    ambiguity: Ambiguity | None, plan: Plan, command: str, rest: str, output: Output
+) -> None:
+    """Print what the data already decide about a diagnosis' ambiguity set, and thus the purpose of the poses.
+
+    `command`, `rest`: what stands before and after the candidates in the command that separates them all the same.
+    """
     if ambiguity is None:
         output.say("The diagnosis recommends no effect: these poses are for the fit's own parameters.")
         return
     if not ambiguity.rivals:
         output.say(
-            f"Nothing explains nearly as much as {ambiguity.candidate}: these poses are for the fit's own parameters."
+            f"Nothing explains nearly as much as {name(ambiguity.entry)}: these poses are for the fit's own parameters."
         )
         return
     output.title("What else explains as much")
-    output.items(
-        [f"{ambiguity.candidate} or {rival.candidate}: {preference(rival)}" for rival in ambiguity.rivals]
-    )
+    first = name(ambiguity.entry)
+    output.items([f"{first} or {name(rival.entry)}: {preference(rival)}" for rival in ambiguity.rivals])
     if plan.separates:
-        told = ", ".join(rival.candidate for rival in ambiguity.rivals if rival.entry in ambiguity.open)
+        told = "; ".join(name(rival.entry) for rival in ambiguity.rivals if rival.entry in ambiguity.open)
         left_out = sum(not rival.decided and not rival.table for rival in ambiguity.rivals)
         left_out -= len(ambiguity.open) - 1
         output.say(
-            f"These poses are chosen to tell {ambiguity.candidate} from {told}"
+            f"These poses are chosen to tell {first} from {told}"
             + (f", not yet from {left_out} that are less likely." if left_out else ".")
         )
         return
@@ -212,13 +220,11 @@ def _present_ambiguity(ambiguity: Ambiguity | None, plan: Plan, command: str, ou
         if all(rival.decided for rival in ambiguity.rivals)
         else "No pose rules out a table"
     )
-    closest = [
-        shlex.quote(argument_of(name)) for name in (ambiguity.candidate, ambiguity.rivals[0].candidate)
-    ]
     output.say(
-        f"{why}: these poses are for the fit's own parameters. To measure the difference all the same: "
-        f"{command} --candidates {' '.join(closest)} --poses {plan.count} --out FILE"
+        f"{why}: these poses are for the fit's own parameters. To measure the difference all the same:"
     )
+    closest = [argument_of(own) for own in (ambiguity.candidate, ambiguity.rivals[0].candidate)]
+    output.line(f"  {command} --candidates {shlex.join(closest)} {rest}\n")
 
 
 def preference(rival: Rival) -> str:
@@ -243,32 +249,39 @@ def preference(rival: Rival) -> str:
 def _settings_words(plan: Plan) -> str:
     """The values in the plan's columns other than joints, as text."""
     parts = []
-    for name, values in plan.columns.items():
-        if name.startswith("q"):
+    for column, values in plan.columns.items():
+        if column.startswith("q"):
             continue
         different = sorted({float(value) for value in values})
         if len(different) <= _DISTINCT_SHOWN:
-            parts.append(f"{name} " + ", ".join(f"{value:g}" for value in different))
+            parts.append(f"{column} " + ", ".join(f"{value:g}" for value in different))
         else:
-            parts.append(f"{name} {different[0]:g} to {different[-1]:g}")
+            parts.append(f"{column} {different[0]:g} to {different[-1]:g}")
     return f"; {'; '.join(parts)}" if parts else ""
 
 
 def _present_separation(plan: Plan, output: Output) -> None:
-    for sentence in plan.decisions():
-        output.say(sentence)
     figures = plan.figures
+
+    def spelled(text: str) -> str:
+        # The longest first: a label may begin with another.
+        for own in sorted(figures["candidates"], key=len, reverse=True):
+            text = text.replace(own, name(entry_of(own)))
+        return text
+
+    for sentence in plan.decisions():
+        output.say(spelled(sentence))
     table = plain_table(
         "ΔBIC of the cause less the rival", "now", f"{plan.count} random poses", "these poses"
     )
     for entry in figures["separations"]:
         table.add_row(
-            f"if {entry['truth']}, not {entry['rival']}",
+            spelled(f"if {entry['truth']}, not {entry['rival']}"),
             *(f"{round(entry[f'delta_bic_{key}'])}" for key in ("now", "expected_random", "expected")),
         )
     output.table(table)
     for sentence in filter(None, map(outlook, figures["separations"])):
-        output.say(sentence)
+        output.say(spelled(sentence))
 
 
 def outlook(separation: dict[str, Any]) -> str | None:
@@ -306,9 +319,9 @@ def _present_campaign(plan: Plan, output: Output) -> None:
         "error of predictions, RMS over the reach [µm]",
         *(f"{entry['prediction_rms_um']:.1f}" for entry in shown.values()),
     )
-    for name, place in (("largest", -1), ("median", None), ("smallest", 0)):
+    for which, place in (("largest", -1), ("median", None), ("smallest", 0)):
         table.add_row(
-            f"{name} eigenvalue of the Fisher information [1/m²]",
+            f"{which} eigenvalue of the Fisher information [1/m²]",
             *(f"{_eigenvalue(entry, place):.2e}" for entry in shown.values()),
         )
     for rank in range(len(information["planned"]["weakest"])):

@@ -81,6 +81,8 @@ def predict(
     error = None if measured is None else comparing.prediction_error(predicted, measured)
     if error is not None:
         output.say(f"error against the x, y, z of {wanted.file.name}: {comparing.error_words(error)}")
+    if out.is_file():  # and no pipe, into which this line would go too
+        output.say(f"written: {out} ({', '.join(names)} of {wanted.count} rows)")
 
 
 def compare(

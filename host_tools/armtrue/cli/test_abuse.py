@@ -367,6 +367,13 @@ def test_utf_16_without_byte_order_mark_is_named_and_init_reads_it(folder):
     assert armtrue("check", "wide/dataset.yaml", "--robot", "wide/robot.yaml", cwd=folder).returncode == 0
 
 
+def test_bytes_that_are_no_text_are_not_called_utf_16(folder):
+    (folder / "binary.csv").write_bytes(b"\0\1PK\3\4" * 50)
+    said = refused(folder, "check", "binary.csv", "--robot", "robot.yaml")
+    assert "found bytes that are no text" in said
+    assert "armtrue init" not in said, "it cannot read them either"
+
+
 @pytest.mark.parametrize(
     ("typed", "meant"), [("diagnos", "diagnose"), ("chek", "check"), ("refien", "refine")]
 )

@@ -72,6 +72,17 @@ def test_explain_defines_a_term_or_suggests_the_nearest_one(tmp_path):
     assert armtrue("explain", "cross-validated", cwd=tmp_path).stdout.startswith("held out")
     assert "armtrue effects backlash" in armtrue("explain", "backlash", cwd=tmp_path).stdout
     assert "residual grid" in armtrue("explain", cwd=tmp_path).stdout
+    for word in (
+        "separable",
+        "explains",
+        "delta BIC",
+        "ΔBIC",
+        "ambiguity set",
+        "score",
+        "sigma",
+        "probability",
+    ):
+        assert armtrue("explain", *word.split(), cwd=tmp_path).returncode == 0, word
     run = armtrue("explain", "evidnce", cwd=tmp_path)
     assert (run.returncode, "did you mean 'evidence'" in run.stderr) == (2, True)
 

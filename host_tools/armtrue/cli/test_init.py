@@ -109,6 +109,46 @@ def test_init_reads_semicolons_decimal_commas_and_german_times(tmp_path, campaig
     assert "time" in fit["data"]["columns"]
 
 
+def test_way_out_of_a_refused_file_keeps_the_users_model(tmp_path, campaign, rows):
+    lines = [[*(f"q{k}" for k in range(1, 7)), "x", "y", "z"]]
+    lines += [[*joints_deg(row), *millimetres(row)] for row in rows]
+    write(tmp_path / "deg.csv", lines)
+    own = campaign / "model.yaml"
+    arguments = ("deg.csv", "--robot", str(campaign / "robot.yaml"), "--model", str(own), "--out", "f.json")
+    refused = armtrue("fit", *arguments, cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "these look like degrees" in refused.stderr
+    command = refused.stderr[refused.stderr.index("armtrue init") :]
+    run = armtrue(*shlex.split(command)[1:], cwd=tmp_path)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert (tmp_path / "deg" / "model.yaml").read_text() == own.read_text()
+    assert "--model takes another" not in run.stdout
+    (fit,) = [shlex.split(line) for line in run.stdout.splitlines() if line.startswith("  armtrue fit ")]
+    assert fit[fit.index("--model") + 1] == "deg/model.yaml"
+
+
+def test_files_that_only_lack_a_column_are_not_sent_to_init(tmp_path, campaign, rows):
+    robot = str(campaign / "robot.yaml")
+    for lacking, words in (("q6", "beside q1, q2, q3, q4, q5"), ("z", "beside x, y")):
+        header = [name for name in (*(f"q{k}" for k in range(1, 7)), "x", "y", "z") if name != lacking]
+        write(tmp_path / "lacks.csv", [header, *([row[name] for name in header] for row in rows)])
+        run = armtrue("check", "lacks.csv", "--robot", robot, cwd=tmp_path)
+        assert f"found no column '{lacking}' {words}, expected it" in run.stderr
+        assert "armtrue init" not in run.stderr
+    run = armtrue("init", "lacks.csv", "--robot", robot, "--out", "arm", cwd=tmp_path)
+    assert "found only x, y of the columns of points, expected x, y and z" in run.stderr
+
+
+def test_check_of_degrees_does_not_judge_them_as_radians(tmp_path, campaign, rows):
+    lines = [[*(f"q{k}" for k in range(1, 7)), "x", "y", "z"]]
+    lines += [[*joints_deg(row), row["x"], row["y"], row["z"]] for row in rows]
+    write(tmp_path / "deg.csv", lines)
+    run = armtrue("check", "deg.csv", "--robot", str(campaign / "robot.yaml"), cwd=tmp_path)
+    assert "these look like degrees" in " ".join(run.stdout.split())
+    assert "'armtrue init' writes one" in " ".join(run.stdout.split())
+    assert not {"out_of_limits", "cannot_tell"} & set(run.stdout.split())
+
+
 @pytest.mark.full
 def test_init_reads_a_wide_table_with_three_reflectors(tmp_path, campaign, rows):
     robot = load_robot(campaign / "robot.yaml")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shlex
 from itertools import pairwise, permutations, product
 from pathlib import Path
 
@@ -136,8 +137,8 @@ def test_plan_prints_the_ambiguity_set_of_the_diagnosis(folder):
     # A table fits the harmonics too, but with more parameters: plan must print that the data decide this.
     assert "already prefers the first decisively" in run.stdout
     assert "separations" not in figures
-    command = run.stdout.split("armtrue plan ")[1].split("--out")[0].split()
-    asked = armtrue("plan", *command, "--out", "named.csv", "--json", "named.json", cwd=folder)
+    (line,) = [line for line in run.stdout.splitlines() if line.startswith("  armtrue plan ")]
+    asked = armtrue(*shlex.split(line)[1:], "--json", "named.json", cwd=folder)
     assert asked.returncode == 0, asked.stderr
     figures = json.loads((folder / "named.json").read_text())
     assert figures["candidates"] == ["gear_harmonics 3", "transmission_pwl 3"]

@@ -180,6 +180,12 @@ def test_compensate_warns_of_extrapolation_like_predict(folder):
     assert "outside" not in armtrue(*words[:2], later, *words[2:], cwd=folder).stderr
 
 
+def test_predict_says_what_it_wrote(folder):
+    run = armtrue("predict", "fit.json", "test.csv", "--out", "said.csv", cwd=folder)
+    rows = len((folder / "said.csv").read_text().splitlines()) - 1
+    assert f"written: said.csv (x, y, z of {rows} rows)" in run.stdout
+
+
 def test_predict_prints_the_error_at_measured_poses(folder):
     run = armtrue("predict", "fit.json", "test.csv", "--out", "p.csv", cwd=folder)
     predicted, exact = table(folder / "p.csv"), table(folder / "test.csv")

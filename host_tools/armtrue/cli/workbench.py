@@ -48,7 +48,7 @@ def open_workbench(
         typer.Option(
             "--session",
             metavar="FOLDER",
-            help="Where the session is kept; default: in your state folder. It is gone on with where it lies there.",
+            help="Where the session is kept; default: in your state folder. A session that is there already continues.",
         ),
     ] = None,
     new: Annotated[

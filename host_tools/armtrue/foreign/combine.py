@@ -10,6 +10,7 @@ from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.foreign.pairing import Rows, match_rows
 from armtrue.foreign.parts import Part, in_si, point_axis
+from armtrue.io.columns import POSITION
 
 
 @dataclass
@@ -55,9 +56,9 @@ def long_table(parts: list[Part]) -> tuple[LongTable, list[str]]:
     base = with_joints[0]
     blocks, notes = _blocks(base, parts)
     if not blocks:
-        raise InputError(
-            f"{base.sheet.path}: found no columns of points, expected x, y and z in one of the files"
-        )
+        axes = ", ".join(name for name in base.sheet.header if name.lower() in POSITION)
+        found = f"only {axes} of the columns of points" if axes else "no columns of points"
+        raise InputError(f"{base.sheet.path}: found {found}, expected x, y and z in one of the files")
     if len(blocks) > 1:
         notes.append(f"{len(blocks)} reflectors, one below the other: {', '.join(b.label for b in blocks)}")
     columns: _Pieces = {}

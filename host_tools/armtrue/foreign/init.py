@@ -28,10 +28,10 @@ from armtrue.foreign.headers import meaning
 from armtrue.foreign.own_pose import leave_out_own_poses
 from armtrue.foreign.parts import Part, point_axis
 from armtrue.foreign.sheets import SEPARATORS, Sheet, read_sheet
-from armtrue.io import Dataset, Robot, load_data, load_robot
+from armtrue.io import Dataset, Robot, load_data, load_model, load_robot
 from armtrue.io.catalogue import with_role
 from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS
-from armtrue.io.files import check_writable, refuse_to_lose, write_file
+from armtrue.io.files import check_writable, read_text, refuse_to_lose, write_file
 from armtrue.io.model import EXPRESSION_WORDS
 
 _SAME_POSE = 1e-6
@@ -56,18 +56,20 @@ def init(
     urdf: Path | None = None,
     dh: Path | None = None,
     robot: Path | None = None,
+    model: Path | None = None,
     force: bool = False,
     skip_bad: bool = False,
 ) -> Guessed:
     """Read foreign measurement `files` and write the files that `check` and `fit` read into the folder `out`.
 
-    `urdf`, `dh`, `robot`: the arm as a URDF, a table of DH rows, or a robot.yaml that is there already. `force`:
-    replace files of an earlier run. `skip_bad`: leave out rows that cannot be read.
+    `urdf`, `dh`, `robot`: the arm as a URDF, a table of DH rows, or a robot.yaml that is there already. `model`: a
+    model.yaml that is there already; default: base, tool and the arm's geometry. `force`: replace files of an earlier
+    run. `skip_bad`: leave out rows that cannot be read.
 
     Errors: InputError where a file or the arm cannot be read; nothing is then written.
     """
     targets = [out / name for name in _NAMES]
-    refuse_to_lose([*files, urdf, dh, robot], targets)
+    refuse_to_lose([*files, urdf, dh, robot, model], targets)
     if out.exists() and not out.is_dir():
         raise InputError(f"--out: found '{out}', expected a folder")
     for target in targets:
@@ -78,7 +80,7 @@ def init(
             )
     own = out / "robot.yaml"
     try:
-        return _Init(files, out).run(urdf, dh, robot or (own if own.is_file() else None), skip_bad)
+        return _Init(files, out, model).run(urdf, dh, robot or (own if own.is_file() else None), skip_bad)
     except RowError as error:
         if skip_bad:
             raise InputError(f"{error}, as in most of the rows") from None
@@ -86,8 +88,9 @@ def init(
 
 
 class _Init:
-    def __init__(self, files: list[Path], out: Path) -> None:
+    def __init__(self, files: list[Path], out: Path, model: Path | None) -> None:
         self._out = out
+        self._model = model
         self._guessed = Guessed()
         joined = [join_date_and_time(read_sheet(file)) for file in files]
         self._sheets = [sheet for sheet, _ in joined]
@@ -256,7 +259,8 @@ class _Init:
 
         if data is not None:
             put("data.csv", data)
-        put("model.yaml", _yaml({"effects": with_role("placement", "geometry")}))
+        geometry = _yaml({"effects": with_role("placement", "geometry")})
+        put("model.yaml", read_text(self._model) if self._model else geometry)
         rotation = dataset.pop("rotation", None)
         put("dataset.yaml", _yaml(dataset))
         if robot is not None and not robot_texts:
@@ -272,6 +276,10 @@ class _Init:
             put("dataset.yaml", _yaml({**dataset, "rotation": found} if found else dataset))
         measurements = load_data(out / "dataset.yaml", arm, strict=False)
         self._guessed.notes += measurements.notes
+        if self._model:
+            load_model(self._model, arm, measurements.columns)
+        else:
+            self._guessed.notes.append("model.yaml: base, tool and geometry alone (--model takes another)")
         self._guessed.findings = cheap_findings(measurements, arm)
         comment = "".join(f"# {note}\n" for note in self._guessed.notes)
         put("dataset.yaml", comment + (out / "dataset.yaml").read_text())

@@ -21,12 +21,12 @@ from armtrue.io.layout import (
     RotationSource,
     TimeSource,
     contract_layout,
-    foreign_hint,
+    foreign,
     read_stamp,
     yaml_layout,
 )
 from armtrue.io.model import EXPRESSION_WORDS, state_names
-from armtrue.io.plausible import refuse_lost, refuse_wrong_units
+from armtrue.io.plausible import WrongUnitError, refuse_lost, refuse_wrong_units
 from armtrue.io.robot import Robot
 from armtrue.io.sensor_names import contract_name
 from armtrue.io.ways import directions, travels
@@ -53,7 +53,8 @@ class Dataset:
     `rows`: the file row of each entry (the header is 1 if it is the first line). `notes`: what the reader did.
     `skipped`: file row → error, for the unreadable rows left out with `skip_bad`. `left_out`: file rows that a user
     marked as wrong. `turns`: the file's Euler angles (N, 3) [rad], if it has any; `rotation`: how they were read.
-    `passive`: the file's columns `qK` of joints without a motor, for which `columns` has zeros.
+    `passive`: the file's columns `qK` of joints without a motor, for which `columns` has zeros. `derived`: names of
+    columns that no file has, but the order of the rows.
     """
 
     path: Path
@@ -67,6 +68,10 @@ class Dataset:
     skipped: dict[int, str] = field(default_factory=dict)
     left_out: list[int] = field(default_factory=list)
     passive: dict[str, Array] = field(default_factory=dict)
+    derived: frozenset[str] = frozenset()
+
+    def __repr__(self) -> str:
+        return f"{self.file.name}: {self.count} measurements of {', '.join(self.columns)}"
 
     @property
     def count(self) -> int:
@@ -147,11 +152,11 @@ def load_data(
     Errors: InputError naming file, row and column or key, what was found and what was expected.
     """
     path = Path(path)
-    foreign = path.suffix.lower() in (".yaml", ".yml")
-    layout = yaml_layout(path, robot) if foreign else contract_layout(path, robot)
+    described = path.suffix.lower() in (".yaml", ".yml")
+    layout = yaml_layout(path, robot) if described else contract_layout(path, robot)
     if not need_position:
         layout = layout.without_measurements()
-    _require_columns(layout, path if foreign else layout.file, robot, need_position)
+    _require_columns(layout, path if described else layout.file, robot, need_position)
     skipped: dict[int, str] = {}
     while True:
         try:
@@ -172,15 +177,19 @@ def load_data(
     if need_position:
         # In poses to predict, a direction of 0 is an unspecified one.
         data = _without_unrecorded(data)
+    if "dir" in layout.from_order and "travel" not in layout.from_order:
+        data = replace(data, derived=frozenset(directions(data.columns)))
     if not strict:
         return data
-    refuse_wrong_units(data.file, data.columns, data.rows, robot)
-    # Directions derived from the order of rows cannot confirm that the arm moved from row to row.
-    order_tells = "dir" not in layout.from_order or "travel" in layout.from_order
+    try:
+        refuse_wrong_units(data.file, data.columns, data.rows, robot)
+    except WrongUnitError as error:
+        if described or not need_position or not error.of_geometry:
+            raise
+        raise foreign(str(error), path, robot) from None
     if not need_position:
-        return in_file_order(with_travels(data) if order_tells else data)
-    data = without_copies(data)
-    return without_fixed_targets(with_travels(data) if order_tells else data)
+        return in_file_order(with_travels(data))
+    return without_fixed_targets(with_travels(without_copies(data)))
 
 
 def _with_passive_still(data: Dataset, robot: Robot) -> Dataset:
@@ -284,7 +293,8 @@ def without_copies(data: Dataset) -> Dataset:
 
 def with_travels(data: Dataset) -> Dataset:
     """`data` with the columns `travel1…traveln` derived from the order of its rows, and a note that says so."""
-    found = travels(data.columns)
+    # Directions derived from the order of rows cannot confirm that the arm moved from row to row.
+    found = {} if data.derived else travels(data.columns)
     if not found:
         return data
     joints = sorted(int(name.removeprefix("travel")) for name in found)
@@ -292,7 +302,7 @@ def with_travels(data: Dataset) -> Dataset:
         f"{data.file.name}: {span('travel', joints)}, how far a joint came in its last direction, follows from the "
         "order of the rows, with which dir agrees"
     )
-    return replace(data, columns=data.columns | found, notes=[*data.notes, note])
+    return replace(data, columns=data.columns | found, notes=[*data.notes, note], derived=frozenset(found))
 
 
 def _without_unrecorded(data: Dataset) -> Dataset:
@@ -345,11 +355,19 @@ def without_fixed_targets(data: Dataset) -> Dataset:
 
 def _require_columns(layout: Layout, path: Path, robot: Robot, need_position: bool) -> None:
     names = layout.names()
-    for name in ColumnNames(robot).required(need_position):
+    required = ColumnNames(robot).required(need_position)
+    for name in required:
         if name not in names:
+            alike = [own for own in required if (own in POSITION) == (name in POSITION)]
+            others = (
+                f" beside {', '.join(own for own in alike if own in names)}" if names & set(alike) else ""
+            )
             near = did_you_mean(name, layout.unused)
-            hint = foreign_hint(path, robot) if path == layout.file else ""
-            raise InputError(f"{path}: found no column '{name}', expected it{near}{hint}")
+            found = f"{path}: found no column '{name}'{'' if near else others}, expected it{near}"
+            # A file that has the others under their names is in the contract's form, and only lacks this one.
+            if path != layout.file or (others and not near):
+                raise InputError(found)
+            raise foreign(found, path, robot)
     for group in (QUATERNION, POSITION):
         missing = [name for name in group if name not in names]
         if missing and len(missing) < len(group):

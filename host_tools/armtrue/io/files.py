@@ -113,7 +113,8 @@ def _is_special(path: Path) -> bool:
 
 def refuse_to_lose(reads: Iterable[Path | None], writes: Iterable[Path | str | None]) -> None:
     """Raise InputError if a command `writes` a file that it also `reads`, or writes one file twice."""
-    inputs = {_identity(path) for path in reads if path is not None}
+    # An argument may also be a name that is no file, such as that of a shipped scenario.
+    inputs = {_identity(path) for path in reads if path is not None and path.is_file()}
     outputs: set[str] = set()
     for name in writes:
         if name is None or name == "-":

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from armtrue.errors import InputError, did_you_mean
+from armtrue.errors import ForeignError, InputError, did_you_mean
 from armtrue.io.columns import POSITION, QUATERNION, UNITS, ColumnNames
 from armtrue.io.delimited import Dialect, read_header
 from armtrue.io.files import named_in
@@ -120,12 +120,11 @@ class Layout:
         return {*self.numbers, *self.texts, *self.constants, *rotation, *time}
 
 
-def foreign_hint(path: Path, robot: Robot) -> str:
-    """The shell command that writes a dataset.yaml for a file that is not in the contract's form."""
+def foreign(found: str, path: Path, robot: Robot) -> ForeignError:
+    """The error for a file that is not in the contract's form, with the shell command that reads it."""
     arm = shlex.quote(str(robot.path or "robot.yaml"))
     folder = shlex.quote(str(path.with_suffix("")))
-    command = f"armtrue init {shlex.quote(str(path))} --robot {arm} --out {folder}"
-    return f"; this writes the dataset.yaml that reads a foreign file: {command}"
+    return ForeignError(found, f"armtrue init {shlex.quote(str(path))} --robot {arm} --out {folder}")
 
 
 def _refuse_foreign_bytes(path: Path, robot: Robot) -> None:
@@ -135,9 +134,12 @@ def _refuse_foreign_bytes(path: Path, robot: Robot) -> None:
     except (OSError, ValueError):
         return  # `read_header` reports the error
     if begins in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
-        raise InputError(f"{path}: found a spreadsheet, expected a CSV{foreign_hint(path, robot)}")
+        raise foreign(f"{path}: found a spreadsheet, expected a CSV", path, robot)
+    # Letters of a header as UTF-16 have a zero in every other byte.
+    if begins[:2] in (b"\xff\xfe", b"\xfe\xff") or b"\0\0" in (begins[::2], begins[1::2]):
+        raise foreign(f"{path}: found UTF-16 text, expected UTF-8", path, robot)
     if b"\0" in begins:
-        raise InputError(f"{path}: found UTF-16 text, expected UTF-8{foreign_hint(path, robot)}")
+        raise InputError(f"{path}: found bytes that are no text, expected a CSV")
 
 
 def contract_layout(path: Path, robot: Robot) -> Layout:
@@ -151,9 +153,7 @@ def contract_layout(path: Path, robot: Robot) -> Layout:
     header = read_header(path, dialect)
     names = ColumnNames(robot)
     if len(header) == 1 and any(mark in header[0] for mark in ";\t|"):
-        raise InputError(
-            f"{path} header: found no comma, expected columns separated by commas{foreign_hint(path, robot)}"
-        )
+        raise foreign(f"{path} header: found no comma, expected columns separated by commas", path, robot)
     numbers: dict[str, NumberSource] = {}
     texts: dict[str, str] = {}
     unused: list[str] = []
@@ -166,7 +166,8 @@ def contract_layout(path: Path, robot: Robot) -> Layout:
             )
         if names.joint_beyond_arm(name):
             raise InputError(
-                f"{path} header: found column '{name}', expected joints 1 to {robot.joint_count}"
+                f"{path} header: found column '{name}', expected joints 1 to {robot.joint_count}: take the column out, "
+                "or name the arm that has this joint"
             )
         if kind is None or names.of_one_effect(name):
             unused.append(own)

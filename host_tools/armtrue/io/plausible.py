@@ -31,6 +31,14 @@ _SAME_POSE = 1e-6
 _LEAST_MOTION = 0.05
 
 
+class WrongUnitError(InputError):
+    """A column's unit must be wrong. `of_geometry`: it is one of the joints or points, whose units init guesses."""
+
+    def __init__(self, column: str, message: str) -> None:
+        super().__init__(message)
+        self.of_geometry = column in POSITION or column.startswith("q")
+
+
 def refuse_lost(file: Path, rows: NDArray[np.int64]) -> None:
     """Refuse the first of the file's `rows` whose x, y and z are 0. Errors: RowError."""
     if rows.size:
@@ -111,11 +119,10 @@ def _temperature_expected(wrong: Array) -> str:
 
 
 def refuse_wrong_units(path: Path, columns: dict[str, Array], rows: NDArray[np.int64], robot: Robot) -> None:
-    """Raise InputError for the first column whose unit must be wrong."""
+    """Raise WrongUnitError for the first column whose unit must be wrong."""
     for name, at, expected in wrong_units(columns, robot):
-        raise InputError(
-            f"{path} row {rows[at]} column {name}: found {columns[name][at]:.6g}, expected {expected}"
-        )
+        found = f"{path} row {rows[at]} column {name}: found {columns[name][at]:.6g}, expected {expected}"
+        raise WrongUnitError(name, found)
 
 
 def too_few_poses(joints: Array) -> str | None:

@@ -39,6 +39,9 @@ class Robot:
     urdf: Path | None = field(default=None, compare=False)
     gravity_stated: bool = field(default=True, compare=False)
 
+    def __repr__(self) -> str:
+        return f"Robot {self.spec.get('name', '')}: {self.joint_count} joints"
+
     @property
     def joints(self) -> list[dict[str, Any]]:
         """The rows of the kinematics, base to tip."""

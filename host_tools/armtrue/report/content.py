@@ -207,9 +207,9 @@ def _diagnosed(
     leading = (
         [c for c in result["candidates"] if c["recommend"]] if between else result["candidates"][:_LEADING]
     )
-    plots = {called(candidate): _added_variable(step, candidate) for candidate in leading}
-    drawn = [plot for plot in plots.values() if plot is not None]
-    not_drawn = [name for name, plot in plots.items() if plot is None]
+    plots = [(called(candidate), _added_variable(step, candidate)) for candidate in leading]
+    drawn = [plot for _, plot in plots if plot is not None]
+    not_drawn = [name for name, plot in plots if plot is None]
     return replace(shown, added_variables=drawn, not_drawn=not_drawn)
 
 

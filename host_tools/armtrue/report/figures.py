@@ -90,7 +90,7 @@ def added_variables(report: Report) -> Picture:
 
 def unexplained(report: Report) -> Picture:
     """Smooth dependence that no effect of the catalogue explains."""
-    return Picture("What no effect names", unexplained_section(report))
+    return Picture("Structure that no effect explains", unexplained_section(report))
 
 
 def parameters(report: Report) -> Picture:

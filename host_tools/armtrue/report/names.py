@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from armtrue.candidates import entry_of, name
 
-
-def called(candidate: dict[str, Any]) -> str:
-    """A candidate's effect and joints, and the options that distinguish it from others of the same effect."""
-    options = candidate.get("options") or {}
-    words = [
-        f"{key} {_plain(value)}" for key, value in options.items() if key not in ("cycles", "wavelengths")
-    ]
-    return ", ".join([name(candidate), *words])
+# Candidates and effects are spelled as everywhere else.
+called = name
 
 
 def bracketed(label: str) -> str:
-    """The page's name of a candidate that diagnose names as `gear_harmonics 3`."""
-    return called(entry_of(label))
+    """The name of a candidate that diagnose lists as `gear_mesh 3 orders [13]`."""
+    return name(entry_of(label))
 
 
 def gathered(effects: list[tuple[str, tuple[int, ...]]]) -> list[str]:
@@ -32,9 +24,3 @@ def gathered(effects: list[tuple[str, tuple[int, ...]]]) -> list[str]:
         whole = sorted(single[effect]) if len(joints) == 1 else list(joints)
         names.append(name({"effect": effect, "joints": whole}))
     return list(dict.fromkeys(names))
-
-
-def _plain(value: Any) -> str:
-    if isinstance(value, list):
-        return ", ".join(map(_plain, value))
-    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -91,7 +91,7 @@ def _summary(report: Report, robot: str) -> Content:
     best = next((c for c in report.diagnoses[-1].result["candidates"] if c["recommend"]), None)
     named = f" The evidence points to {called(best)}." if best is not None else ""
     added = [effect for step in report.steps[1:] for effect in step.added]
-    story = f" Added since the first step: {', '.join(added)}." if added else ""
+    story = f" Added since the first step: {'; '.join(added)}." if added else ""
     return [
         tag("p", "Calibration report", class_="kicker"),
         tag("h1", robot),

@@ -35,7 +35,7 @@ def test_steps_name_their_added_effects_and_the_error_falls(report):
         did = ", ".join(f"+ {effect}" for effect in step.added) or "believed"
         assert step.called == f"step {number}: {did}"
     added = [effect for step in report.steps for effect in step.added]
-    assert sorted(added) == ["backlash [2]", "gear_harmonics [3]"]
+    assert sorted(added) == ["backlash 2", "gear_harmonics 3"]
     means = [step.error["held_out"]["mean_um"] for step in report.steps]
     assert means[0] > means[1] > means[2]
     assert means[2] < 1.5 * report.last.noise_floor_um
@@ -124,7 +124,7 @@ def test_added_variables_weigh_orientations_like_the_table(tmp_path):
     made = fitted(tmp_path, ORIENTED)
     (diagnosis,) = gather([made]).diagnoses
     best = diagnosis.added_variables[0]
-    assert best.name == "gear_harmonics [6]"
+    assert best.name == "gear_harmonics 6"
     assert best.unit == "σ"
     assert best.turned.sum() == best.turned.size / 2
     assert best.explained == pytest.approx(best.candidate["explained"], abs=0.02)
@@ -178,7 +178,7 @@ def test_rotation_of_the_tool_per_motor_matches_the_simulation(tmp_path):
 def test_orientation_errors_are_listed_beside_position_errors(tmp_path):
     made = fitted(tmp_path, {**ORIENTED, "hidden": []})
     report = gather([made])
-    error = report.last.turn_error_rad
+    error = report.last.fit.orientation_error()
     # Three normal errors of 20 µrad have a mean length of 1.6 times that; the fit and the drives add little.
     assert error["mean"] == pytest.approx(1.6 * 2e-5, rel=0.15)
     assert error["mean"] < error["rms"] < error["p95"] < error["max"]
@@ -189,7 +189,7 @@ def test_orientation_errors_are_listed_beside_position_errors(tmp_path):
 
 
 def test_orientations_are_omitted_if_none_were_measured(report):
-    assert report.last.turn_error_rad is None
+    assert report.last.fit.orientation_error() is None
     assert "rientation" not in page(report).split("<main>")[1].split("<script")[0]
 
 
@@ -240,8 +240,8 @@ def test_every_step_of_a_refinement_can_be_shown(fits):
     assert len(made.steps) == len(seen) == 3
     assert all(step.given for step in made.steps)
     assert sorted(effect for step in made.steps for effect in step.added) == [
-        "backlash [2]",
-        "gear_harmonics [3]",
+        "backlash 2",
+        "gear_harmonics 3",
     ]
     assert "fitted again" not in page(made)
 

@@ -19,6 +19,7 @@ from armtrue.report import gather, write
 from armtrue.report.conftest import fitted
 from armtrue.report.page import page
 from armtrue.report.sections.diagnosis_sections import _ambiguity
+from armtrue.report.sections.error_section import error_section
 
 SECTIONS = [
     "error",
@@ -124,8 +125,8 @@ def test_rejected_rows_are_listed_by_their_row_in_the_file(text, report):
 
 def test_summary_names_the_added_effects(text):
     header = text[: text.index("<nav")]
-    assert "gear_harmonics [3]" in header
-    assert "backlash [2]" in header
+    assert "gear_harmonics 3" in header
+    assert "backlash 2" in header
     assert "Nothing is missing" in header
     assert "points to" not in header
 
@@ -133,7 +134,7 @@ def test_summary_names_the_added_effects(text):
 def test_summary_names_the_missing_effect(report):
     first = page(gather([report.first.fit]))
     best = report.diagnoses[0].result["candidates"][0]
-    assert f"The evidence points to {best['effect']} [{best['joints'][0]}]" in first[: first.index("<nav")]
+    assert f"The evidence points to {best['effect']} {best['joints'][0]}" in first[: first.index("<nav")]
 
 
 def test_every_step_has_its_own_diagnosis_and_evidence(text, report):
@@ -155,6 +156,16 @@ def test_each_added_effect_has_a_complete_card(text, report):
     for card in cards:
         for words in ("<svg", 'class="formula"', "Physical bound: ", "Source of the bound: ", "Evidence: "):
             assert words in card
+
+
+def test_card_of_an_effect_of_the_measurement_has_the_formula_of_its_own_joint(tmp_path):
+    hidden = [{"effect": "command_readback", "joints": [3]}]
+    fit = fitted(tmp_path, {"arm": "kr30", "seed": 5, "columns": {"add": ["qr"]}, "hidden": hidden})
+    text = page(gather([fit]))
+    card = text[text.index('<section id="effects"') :].split("</figure>")[0]
+    assert "<h3>command_readback" in card
+    assert "motor3 += c·(q3 - qr3)" in card
+    assert "does not move the arm" in card
 
 
 def test_header_names_date_version_and_data_file(text, report):
@@ -242,6 +253,24 @@ def test_summary_names_the_source_of_the_noise_floor(fits, source, words):
     assert f"<small>{words}</small>" in header
 
 
+def test_every_step_has_its_own_noise_floor_and_the_lead_says_why(report):
+    first, *others = report.steps
+    floor = {**first.fit.document["noise_floor"], "um": 3.0 * report.last.noise_floor_um}
+    noisy = replace(first, fit=Fit({**first.fit.document, "noise_floor": floor}, first.fit.path))
+    section = error_section(replace(report, steps=[noisy, *others]))
+    places = [float(place) for place in re.findall(r'<i class="floor" style="left:([\d.]+)%">', section)]
+    assert len(places) == len(report.steps)
+    assert places[0] > places[-1] + 5.0
+    assert "It falls when the model explains why two visits of a pose differ" in section
+
+
+def test_parameters_that_correct_a_nominal_value_have_it_beside_them(text):
+    section = text[text.index('<section id="parameters"') :].split("</section>")[0]
+    row = section[section.index("joint_offset[2]") :].split("</tr>")[0]
+    assert "−90.000°" in row
+    assert "the correction that is added to it" in section
+
+
 def test_report_without_any_fit_is_refused(tmp_path):
     with pytest.raises(InputError, match="found no fit"):
         write([], tmp_path / "report.html")
@@ -261,7 +290,7 @@ def test_sensor_that_explains_as_much_is_in_the_ambiguity_set():
     assert "Nothing else" in str(_ambiguity([of("arm", 0.9), of("stand", 0.5)]))
     words = str(_ambiguity([of("arm", 0.9), of("stand", 0.89)]))
     assert "Nothing else" not in words
-    assert "thermal_base, sensor stand" in words
+    assert "thermal_base (sensor stand)" in words
     assert "while they do not move together" in words
 
 

@@ -9,6 +9,8 @@
   const ARROW_SHARE = 0.08, ARROW_SHARE_OF_FIRST = 0.2;
   // Of the scene: what would be longer (a gross error) is cut and ends in two bars.
   const LONGEST_ARROW = 0.4;
+  // More arrows than this are drawn thinner and shorter, so that they do not cover one another.
+  const UNCROWDED = 250;
   const PICK_PIXELS = 16;
   const TURN = 0.09, ZOOM = 1.15;
   const NEIGHBOURS = 3;
@@ -28,8 +30,9 @@
       });
       this.usual = quantile(this.lengths[0], 0.95) || 1;
       this.limits = CLASSES.map((share) => share * roundNumber(this.usual));
+      this.slender = Math.min(1, Math.sqrt(UNCROWDED / this.rows.length));
       // Millimetres drawn for every micrometre of error.
-      this.gain = roundNumber(((this.vectors.length > 1 ? ARROW_SHARE_OF_FIRST : ARROW_SHARE) * this.size) / this.usual);
+      this.gain = roundNumber((this.slender * (this.vectors.length > 1 ? ARROW_SHARE_OF_FIRST : ARROW_SHARE) * this.size) / this.usual);
       // Where arrows end, of all steps: there has to be room for them too.
       this.ends = this.vectors.flatMap((vectors, step) => vectors.map((value, i) =>
         this.points[i] + (this.drawnShare(step, Math.floor(i / 3)) * this.gain * value) / TENTHS));
@@ -88,7 +91,7 @@
       const cut = scene.drawnShare(step, i / 3);
       const to = at(x + cut * reach * vectors[i], y + cut * reach * vectors[i + 1], z + cut * reach * vectors[i + 2]);
       const which = scene.classOf(length);
-      paths[which] += `M${word(from)}L${word(to)}${cut < 1 ? bars(from, to) : head(from, to, 3 + 1.5 * which)}`;
+      paths[which] += `M${word(from)}L${word(to)}${cut < 1 ? bars(from, to) : head(from, to, scene.slender * (3 + 1.5 * which))}`;
       starts += `M${word(from)}h0`;
       tips.push(to);
     }
@@ -98,7 +101,7 @@
     if (full) parts.push(legend(scene, view, width, height));
     const ringed = [...rings].map((k) => `M${word(tips[k])}h0`).join("");
     if (ringed) parts.push(`<path class="ringed" d="${ringed}"/>`);
-    return { svg: `<svg class="scene" viewBox="0 0 ${width} ${height}" aria-hidden="true">${parts.join("")}</svg>`, tips };
+    return { svg: `<svg class="scene" viewBox="0 0 ${width} ${height}" aria-hidden="true" style="--slender:${scene.slender.toFixed(2)}">${parts.join("")}</svg>`, tips };
   }
 
   function head(from, to, size) {
@@ -156,7 +159,7 @@
     const columns = legendColumns(width), lines = Math.ceil(names.length / columns);
     names.forEach((name, k) => {
       const x = 16 + ENTRY_WIDTH * Math.floor(k / lines), middle = LEGEND_TOP + 6 + ENTRY_HEIGHT * (k % lines);
-      parts.push(`<path class="length${k}" d="M${x} ${middle}h26"/><text class="entry" x="${x + 34}" y="${middle + 4}">${name}</text>`);
+      parts.push(`<path class="length${k}" style="--slender:1" d="M${x} ${middle}h26"/><text class="entry" x="${x + 34}" y="${middle + 4}">${name}</text>`);
     });
     return parts.join("");
   }

@@ -323,6 +323,7 @@ def node_of(
         fit.document["error"], floor, verdict, change, "",
     )  # fmt: skip
     node.left_out_error = error_there(fit, session.data, out)
+    node.turn_error_rad = fit.orientation_error()
     upper = change[0].upper() + change[1:]
     node.said = (
         f"{upper}. {fall_words(before.mean_um, node.mean_um)}" if before else first_words(node.mean_um)

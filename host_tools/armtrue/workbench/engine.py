@@ -111,6 +111,10 @@ class Engine:
             f"{self.shown}/{'nothing' if diagnosis is None else 'all' if 'spectra' in diagnosis else 'some'}"
         )
 
+    def is_at(self, address: str) -> None:
+        """Note the address of the page: another workbench that wants an open session names it."""
+        self._locks.address = address
+
     def begin(
         self,
         opened: Opened,
@@ -133,7 +137,7 @@ class Engine:
             session = None if new else load_session(place, key, opened.data)
             if session:
                 found = self._joined_since(session, opened)
-                said = f"The session is gone on with. {found[-1][0].node.said}"
+                said = f"The saved session continues. {found[-1][0].node.said}"
             else:
                 found = [(self._begun(opened, Session(place, key, opened.data), progress), opened)]
                 said = found[-1][0].node.said

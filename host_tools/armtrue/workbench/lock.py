@@ -9,6 +9,8 @@ from pathlib import Path
 
 from armtrue.errors import InputError
 
+_LONGEST = 200  # bytes of a lock: the process and the address
+
 
 class HeldElsewhereError(InputError):
     """Another workbench has the folder open."""
@@ -16,8 +18,9 @@ class HeldElsewhereError(InputError):
 
 @dataclass
 class SessionLocks:
-    """The folders of sessions that one workbench has open."""
+    """The folders of sessions that one workbench has open. `address`: that of its page, for those that come later."""
 
+    address: str = ""
     _files: dict[Path, int] = field(default_factory=dict)
 
     def hold(self, folder: Path) -> None:
@@ -35,16 +38,17 @@ class SessionLocks:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            holder = os.read(file, 20).decode(errors="replace").strip()
+            holder, _, address = os.read(file, _LONGEST).decode(errors="replace").strip().partition(" ")
             os.close(file)
             raise HeldElsewhereError(
                 f"{folder}: found this session open in another workbench (process {holder or 'unknown'}), expected one "
-                "at a time: go on in its page, end it with Ctrl-C, or keep this one elsewhere with --session FOLDER"
+                f"at a time: continue on its page{f' {address}' if address else ''}, end it with Ctrl-C, or keep this "
+                "one elsewhere with --session FOLDER"
             ) from None
         except OSError:
             pass  # a file system without locks
         os.ftruncate(file, 0)
-        os.write(file, str(os.getpid()).encode())
+        os.write(file, f"{os.getpid()} {self.address}".encode())
         self._files[folder] = file
 
     def keep(self, folders: set[Path]) -> None:

@@ -16,6 +16,8 @@ import yaml
 
 from armtrue.candidates import option_words
 from armtrue.errors import InputError
+from armtrue.io import Dataset
+from armtrue.io.files import read_text
 from armtrue.progress import Progress
 from armtrue.report import write
 from armtrue.tables import ExportOptions, export, fitted_arm
@@ -39,8 +41,8 @@ def make(session: Session, name: str, progress: Progress | None = None) -> Made:
         "tables": lambda s: Made("tables.bin", _tables(s), "application/octet-stream"),
         "model": lambda s: Made("model.yaml", _as_yaml(s, s.node), "application/yaml"),
         "fit": lambda s: Made("fit.json", _fit(s), "application/json"),
-        "commands": lambda s: Made("commands.sh", _commands(s).encode(), "text/x-shellscript"),
-        "notebook": lambda s: Made("session.ipynb", _notebook(s), "application/x-ipynb+json"),
+        "commands": lambda s: Made("commands.sh", _commands(s, _in_full(s)).encode(), "text/x-shellscript"),
+        "notebook": lambda s: Made("session.ipynb", _notebook(s, _in_full(s)), "application/x-ipynb+json"),
     }
     if name not in known:
         raise InputError(f"file: found '{name}', expected one of {', '.join(known)}")
@@ -55,9 +57,24 @@ def _bundle(session: Session) -> Made:
         bundle.writestr("tables.bin.fit.json", _fit(session))
         bundle.writestr("fit.json", _fit(session))
         bundle.writestr("model.yaml", _as_yaml(session, session.node))
-        bundle.writestr("commands.sh", _commands(session))
-        bundle.writestr("session.ipynb", _notebook(session))
+        bundle.writestr("commands.sh", _commands(session, session.data.path.name))
+        bundle.writestr("session.ipynb", _notebook(session, session.data.path.name))
+        for name, content in _measurements(session.data).items():
+            bundle.writestr(name, content)
     return Made("calibration.zip", stream.getvalue(), "application/zip")
+
+
+def _in_full(session: Session) -> str:
+    return str(session.data.path.resolve())
+
+
+def _measurements(data: Dataset) -> dict[str, bytes]:
+    """The files of the measurements by name; a dataset.yaml then names the file beside it."""
+    found = {data.file.name: data.file.read_bytes()}
+    if data.path != data.file:
+        described = {**yaml.safe_load(read_text(data.path)), "file": data.file.name}
+        found[data.path.name] = yaml.safe_dump(described, sort_keys=False, allow_unicode=True).encode()
+    return found
 
 
 def _report(session: Session, progress: Progress | None) -> Made:
@@ -103,8 +120,11 @@ def _robot(session: Session) -> bytes:
     return yaml.safe_dump(spec, sort_keys=False, allow_unicode=True).encode()
 
 
-def _commands(session: Session) -> str:
-    """The path from the first model to this one as commands, with the arm and the models that they read."""
+def _commands(session: Session, data: str) -> str:
+    """The path from the first model to this one as commands, with the arm and the models that they read.
+
+    `data`: where they find the measurements.
+    """
     lines = [
         "#!/bin/sh",
         "# The session as commands.",
@@ -112,7 +132,7 @@ def _commands(session: Session) -> str:
         *_here("session-robot.yaml", _robot(session)),
     ]
     for k, node in enumerate(session.path):
-        lines += _step_commands(session, node, k)
+        lines += _step_commands(session, node, k, data)
     last = len(session.path) - 1
     # A report shows steps of one calibration, all fitted to the same measurements.
     same = [k for k, node in enumerate(session.path) if node.left_out == session.node.left_out]
@@ -128,12 +148,12 @@ def _here(name: str, content: bytes) -> list[str]:
     return [f"cat > {name} <<'ARMTRUE'", content.decode().rstrip("\n"), "ARMTRUE"]
 
 
-def _step_commands(session: Session, node: Node, number: int) -> list[str]:
+def _step_commands(session: Session, node: Node, number: int, data: str) -> list[str]:
     before = session.nodes[node.parent] if node.parent is not None else None
     changes = [("remove", entry) for entry in node.removed] + [("add", entry) for entry in node.added]
     if before is None or before.left_out != node.left_out or not changes:
         model = f"step-{number}-model.yaml"
-        words = ["armtrue", "fit", str(session.data.path), "--robot", "session-robot.yaml", "--model", model]
+        words = ["armtrue", "fit", data, "--robot", "session-robot.yaml", "--model", model]
         if rows := sorted({*session.data.left_out, *node.left_out}):
             words += ["--leave-out", ",".join(map(str, rows))]
         fitted = shlex.join([*words, "--out", f"step-{number}.json"])
@@ -150,15 +170,15 @@ def _step_commands(session: Session, node: Node, number: int) -> list[str]:
     return lines
 
 
-def _notebook(session: Session) -> bytes:
-    """The path from the first model to this one as a notebook that reads only the measurements."""
+def _notebook(session: Session, data: str) -> bytes:
+    """The path from the first model to this one as a notebook that reads only the measurements at `data`."""
     path = session.path
     robot = json.dumps(session.fit_of(session.at).document["robot"])
     cells = [
         "import json\n\nfrom armtrue import diagnose, fit, load_data\nfrom armtrue.fitting import with_effects\n"
         "from armtrue.io import Model, Robot\n\n"
         f"robot = Robot(json.loads({robot!r}))\n"
-        f"data = load_data({str(session.data.path)!r}, robot){_without(session.data.left_out)}\n",
+        f"data = load_data({data!r}, robot){_without(session.data.left_out)}\n",
     ]
     for node in path:
         before = session.nodes[node.parent] if node.parent is not None else None

@@ -67,6 +67,7 @@ class Server(ThreadingHTTPServer):
         self.engine = engine
         self.token = secrets.token_urlsafe(24)
         super().__init__((HOST, port), _Handler)
+        engine.is_at(self.address)
 
     @property
     def address(self) -> str:

@@ -33,7 +33,7 @@ class Node:
     `effects`, `added`, `removed`: entries of model.yaml. `left_out`: rows of the file that the user marked as wrong.
     `error`: as in fit.json. `verdict`: None until the model is diagnosed. `said`: the sentence about the error. `redo`:
     the child that Redo goes to. `left_out_error`: the error of the prediction at the rows left out, None where there
-    are none.
+    are none. `turn_error_rad`: error of orientation of the fitted rows, None where no orientations were measured.
     """
 
     number: int
@@ -50,6 +50,7 @@ class Node:
     name: str = ""
     redo: int | None = None
     left_out_error: dict[str, Any] | None = None
+    turn_error_rad: dict[str, float] | None = None
 
     @property
     def mean_um(self) -> float | None:

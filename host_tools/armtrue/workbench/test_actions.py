@@ -15,23 +15,8 @@ from armtrue.workbench.opening.dropped import Drop
 from armtrue.workbench.opening.opened import open_files
 from armtrue.workbench.showing.beside import swaps
 from armtrue.workbench.showing.card import card
+from armtrue.workbench.showing.panels import panel
 from armtrue.workbench.showing.view import pieces
-
-CAMPAIGN = {
-    "arm": "kr30",
-    "seed": 8,
-    "poses": 150,
-    "hidden": [{"effect": "gear_harmonics", "joints": [3], "scale": 2.5}],
-}
-
-
-@pytest.fixture
-def engine(tmp_path, monkeypatch) -> Engine:
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    armtrue_sim.simulate(CAMPAIGN).write(tmp_path)
-    engine = Engine(Drop(tmp_path / "drop"))
-    engine.begin(open_files([tmp_path / "data.csv"]))
-    return engine
 
 
 @pytest.mark.full
@@ -53,6 +38,24 @@ def test_replacements_are_listed_with_the_most_probable_first(engine):
     assert said == [chance(each) for each in probable]
 
 
+def test_replacements_include_an_effect_that_was_removed_since(engine):
+    do(engine, "add", candidate=0)
+    do(engine, "add", entry={"effect": "backlash", "joints": [2]})
+    effects = [entry["effect"] for entry in engine.session.node.effects]
+    do(engine, "remove", effect=effects.index("gear_harmonics"))
+    do(engine, "add", entry={"effect": "backlash", "joints": [1]})
+    place = [entry.get("joints") for entry in engine.session.node.effects].index([2])
+    first = re.search(r"<li><span>(.+?): probability", swaps(engine.session, str(place)))
+    assert first is not None
+    assert first[1].startswith("gear_harmonics")
+
+
+def test_spectra_say_which_model_the_dashed_line_is_of(engine):
+    assert "Dashed" not in panel(engine.session, {"name": "spectra"})
+    do(engine, "add", candidate=0)
+    assert "Dashed: first model." in panel(engine.session, {"name": "spectra"})
+
+
 def test_card_does_not_print_a_probability_of_100_percent(engine):
     first = engine.session.diagnosis_of(0)["candidates"][0]
     assert first["probability"] > 0.995
@@ -67,3 +70,18 @@ def test_rows_left_out_by_a_range_are_not_called_wrong(engine):
     words = pieces(engine)["left-out"]
     assert "left out by you: " in words
     assert "wrong" not in words
+
+
+def test_error_of_orientation_is_shown_where_orientations_were_measured(tmp_path, engine):
+    assert "orientation" not in pieces(engine)["error"]
+    oriented = {"arm": "cobot", "seed": 3, "poses": 60, "columns": {"add": ["orientation"]}}
+    armtrue_sim.simulate(oriented | {"instrument": {"sigma": 9e-6, "orientation": 2e-5}}).write(
+        tmp_path / "two"
+    )
+    for _ in range(2):  # fitted, and resumed
+        other = Engine(Drop(tmp_path / "drop"))
+        other.begin(open_files([tmp_path / "two" / "data.csv"]))
+        found = re.search(r"Error of orientation, training poses: mean ([\d.]+)″", pieces(other)["error"])
+        assert found is not None
+        assert 0.0 < float(found[1]) < 30.0
+        other._locks.keep(set())

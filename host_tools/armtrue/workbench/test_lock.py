@@ -40,6 +40,12 @@ def test_session_held_by_another_workbench_is_refused_with_advice(other, tmp_pat
         SessionLocks().hold(tmp_path / "session")
 
 
+def test_refusal_names_the_address_of_the_page(tmp_path):
+    SessionLocks("http://127.0.0.1:8/token/").hold(tmp_path / "session")
+    with pytest.raises(InputError, match=r"continue on its page http://127\.0\.0\.1:8/token/, end it"):
+        SessionLocks().hold(tmp_path / "session")
+
+
 def test_lock_ends_with_its_killed_process(other, tmp_path):
     other.kill()
     other.wait()

@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.table import Table
 
-from armtrue.candidates import called, entry_of, parameter_lines
+from armtrue.candidates import entry_of, label, name, parameter_lines
 from armtrue.cli.shared.output import Output, plain_table
 from armtrue.io.catalogue import catalogue
 from armtrue.verdicts import (
@@ -18,6 +18,7 @@ from armtrue.verdicts import (
     NOT_SCORED,
     OTHER_SENSOR_ADVICE,
     chance,
+    needs_words,
     of_other_sensors,
     scored,
     verdict_words,
@@ -30,7 +31,8 @@ _MORE_LIKELY_THAN_NOT = 0.5
 _COMMAND = "armtrue add FIT"
 _LEGEND = (
     "probability: that the arm has it beside what is fitted; explains: share of the squared residual;",
-    "separable: share of its effect that what is fitted cannot imitate; ≈: predicted, not refitted",
+    "separable: share of its effect that what is fitted cannot imitate; ≈: predicted, not refitted;",
+    "error if added: mean on held-out poses; ★: recommended",
 )
 
 
@@ -62,7 +64,9 @@ def present_diagnosis(
     _present_candidates(result, output)
     if result.get("untestable"):
         output.title("Not testable with what was recorded")
-        output.items([f"{entry['effect']} needs {_words(entry['needs'])}" for entry in result["untestable"]])
+        output.items(
+            [f"{entry['effect']} needs {needs_words(entry['needs'])}" for entry in result["untestable"]]
+        )
     advice = result.get("advice", [])
     # Untestable effects are already listed above.
     if sentences := [line for line in advice if _COMMAND not in line and not line.startswith("not testable")]:
@@ -78,7 +82,7 @@ def present_added(result: dict[str, Any], output: Output) -> None:
     """Print how probable each effect is that a refinement added."""
     effects = result["effects"]
     lines = [
-        f"{called(entry)}: {chance(entry['probability'])}{_why_kept(entry['probability'])}"
+        f"{name(entry)}: {chance(entry['probability'])}{_why_kept(entry['probability'])}"
         for entry in effects
         if "probability" in entry
     ]
@@ -92,18 +96,18 @@ def present_added(result: dict[str, Any], output: Output) -> None:
 
 def _perhaps_of_the_arm(steps: list[dict[str, Any]], effects: list[dict[str, Any]]) -> list[str]:
     """Sentences on added effects of the instrument that may be effects of the arm: tables leave them out."""
-    present = {called(entry) for entry in effects}
+    present = {label(entry) for entry in effects}
     exported = {info.id for info in catalogue().values() if info.exported}
     lines = []
     for added in (step["added"] for step in steps if step["added"]):
-        if called(added) not in present or added["effect"] in exported:
+        if label(added) not in present or added["effect"] in exported:
             continue
         rivals = [
-            entry for label in added["confounded_with"] if (entry := entry_of(label))["effect"] in exported
+            entry for rival in added["confounded_with"] if (entry := entry_of(rival))["effect"] in exported
         ]
-        if names := [called(entry) for entry in rivals if called(entry) not in present]:
+        if names := [name(entry) for entry in rivals if label(entry) not in present]:
             lines.append(
-                f"{called(added)} can hardly be told from {', '.join(names)} by these poses, and tables leave out what "
+                f"{name(added)} can hardly be told from {'; '.join(names)} by these poses, and tables leave out what "
                 "belongs to the measurement: if the arm does it, it stays uncorrected. A length that is known "
                 "without this instrument tells them apart; 'armtrue add' before 'refine' gives it to the arm"
             )
@@ -117,21 +121,19 @@ def _next_commands(advice: list[str], fit_file: Path, data: Path | None) -> list
     for line in advice:
         if _COMMAND in line:
             command = line[line.index(_COMMAND) :].replace(" FIT ", f" {fit} ")
-            commands.append(
-                f"{command.removesuffix(' FIT2')} {shlex.quote(str(_following(fit_file)))}{moved}"
-            )
+            commands.append(f"{command.removesuffix(' FIT2')} {shlex.quote(str(following(fit_file)))}{moved}")
     if any("armtrue plan" in line for line in advice):
         poses = shlex.quote(str(fit_file.with_name("poses.csv")))
         commands.append(f"armtrue plan {fit} --poses 12 --out {poses}{moved}")
     return commands
 
 
-def _following(fit_file: Path) -> Path:
+def following(fit_file: Path) -> Path:
     """fit.json → fit2.json → fit3.json: the first that does not exist."""
     stem = fit_file.stem.rstrip("0123456789") or fit_file.stem
     number = int(fit_file.stem[len(stem) :] or 1)
-    names = (fit_file.with_name(f"{stem}{k}{fit_file.suffix}") for k in itertools.count(number + 1))
-    return next(name for name in names if not name.exists())
+    files = (fit_file.with_name(f"{stem}{k}{fit_file.suffix}") for k in itertools.count(number + 1))
+    return next(file for file in files if not file.exists())
 
 
 def _why_kept(probability: float) -> str:
@@ -159,24 +161,24 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         nearest = candidates[0]
         output.say(f"probability that nothing is missing: {chance(result['probability_nothing'])}")
         output.say(
-            f"nearest candidate: {called(nearest, candidates)}, probability {chance(nearest['probability'])}, "
+            f"nearest candidate: {name(nearest)}, probability {chance(nearest['probability'])}, "
             f"explains {100 * nearest['explained']:.1f} % of the squared residual: {why_words(nearest)}"
         )
         return
     tried, candidates = candidates, candidates[:_CANDIDATES_SHOWN]
     output.say()
-    output.table(_candidate_table(candidates, tried))
+    output.table(_candidate_table(candidates))
     for line in _LEGEND:
         output.say(line)
     for candidate in candidates:
         if candidate["recommend"]:
-            output.title(f"Recommended: {called(candidate, tried)}")
+            output.title(f"Recommended: {name(candidate)}")
             output.items([why_words(candidate), *parameter_lines(candidate["parameters"])])
-            others = [called(other, tried) for other in of_other_sensors(candidate, tried)]
+            others = [name(other) for other in of_other_sensors(candidate, tried)]
             warmed = [OTHER_SENSOR_ADVICE] if others else []
-            others += [called(entry_of(label)) for label in candidate["confounded_with"]]
+            others += [name(entry_of(rival)) for rival in candidate["confounded_with"]]
             if others:
-                output.items([f"nearly as much is explained by: {', '.join(others)}", *warmed])
+                output.items([f"at least 90 % of it is also explained by: {'; '.join(others)}", *warmed])
     likely: list[int] = []
     reasons: dict[str, list[int]] = {}
     for rank, candidate in enumerate(candidates, start=1):
@@ -194,17 +196,18 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         output.items([f"{_runs(ranks)}: {why}" for why, ranks in reasons.items()])
 
 
-def _candidate_table(candidates: list[dict[str, Any]], tried: list[dict[str, Any]]) -> Table:
-    headers = ("probability", "explains", "separable", "held-out mean\nif added [µm]", "")
-    table = plain_table("    candidate", *headers)
+def _candidate_table(candidates: list[dict[str, Any]]) -> Table:
+    table = plain_table("", "candidate", "probability", "explains", "separable", "error if\nadded [µm]", "")
+    table.columns[1].justify = "left"
     for rank, candidate in enumerate(candidates, start=1):
         table.add_row(
-            f"{rank:>2}  {called(candidate, tried)}",
+            f"{rank:>2}",
+            name(candidate),
             chance(candidate["probability"]),
             f"{100 * candidate['explained']:.1f} %",
             f"{100 * candidate['separability']:.1f} %",
             _if_added(candidate),
-            "recommended" if candidate["recommend"] else "",
+            "★" if candidate["recommend"] else "",
         )
     return table
 
@@ -228,7 +231,3 @@ def _present_structure(findings: list[dict[str, Any]], output: Output) -> None:
     if lines:
         output.title("Left over")
         output.items(list(lines.values()))
-
-
-def _words(value: Any) -> str:
-    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

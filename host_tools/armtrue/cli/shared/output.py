@@ -12,8 +12,9 @@ from typing import Any
 
 from rich.cells import cell_len
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from armtrue import progress as progress_protocol
 from armtrue.io.files import write_file
@@ -24,6 +25,8 @@ _FIELD_WIDTH = 20
 # Spaces that Rich counts for each column beside its content.
 _GAP = 2
 _SHOW_PROGRESS_AFTER_S = 1.0
+# Stage, bar, share and times fit into 80 columns.
+_BAR_WIDTH = 16
 STANDARD_OUTPUT = "-"
 
 
@@ -123,6 +126,12 @@ def _fit(table: Table, width: int) -> None:
         column.width, column.no_wrap, column.overflow = own, False, "fold"
 
 
+class _Remaining(TimeRemainingColumn):
+    def render(self, task: Task) -> Text:
+        """The remaining time, once it can be estimated."""
+        return Text("") if task.time_remaining is None else Text("remaining ") + super().render(task)
+
+
 @contextmanager
 def waiting(output: Output) -> Iterator[progress_protocol.Progress]:
     """Yield a progress callback; after one second, a bar with the remaining time is shown below the printed text.
@@ -131,11 +140,10 @@ def waiting(output: Output) -> Iterator[progress_protocol.Progress]:
     """
     bar = Progress(
         TextColumn("{task.description}"),
-        BarColumn(),
+        BarColumn(_BAR_WIDTH),
         TextColumn("{task.percentage:.0f} %"),
         TimeElapsedColumn(),
-        TextColumn("remaining"),
-        TimeRemainingColumn(),
+        _Remaining(),
         # One console for both, so that a line printed meanwhile goes above the bar and not into it.
         console=output.console if output.is_watched else Console(stderr=True),
         transient=True,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import copy
+import shlex
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from armtrue.candidates import called, parameter_lines
+from armtrue.candidates import name, parameter_lines
 from armtrue.cli.shared.findings import present_added, present_diagnosis
 from armtrue.cli.shared.output import Output
 
@@ -74,7 +75,11 @@ RESULT: dict[str, Any] = {
         candidate("backlash", [2]),
     ],
     "unexplained": [],
-    "untestable": [{"effect": "parallelogram", "needs": ["linkage in robot.yaml"]}],
+    "untestable": [
+        {"effect": "command_readback", "needs": ["qr1", "qr2", "qr3", "qr4"]},
+        {"effect": "nest", "needs": ["nest"]},
+        {"effect": "parallelogram", "needs": ["linkage in robot.yaml"]},
+    ],
     "advice": ["add it: armtrue add FIT gear_harmonics --joints 3 --out FIT2"],
 }
 
@@ -112,7 +117,7 @@ def test_parameter_lines_put_all_nodes_of_a_table_in_one_line():
         for k in range(1, 5)
     ]
     lines = parameter_lines([*nodes[:2], parameter("backlash[2].dir", 1e-4, 1e-6, "rad"), *nodes[2:]])
-    spread = "each ± 0.2063 ″ (median); these nodes are the score's, a fit has its own"
+    spread = "typically ± 0.2063 ″; a fit chooses its own nodes"
     assert lines == [
         "backlash[2].dir = 20.63 ± 0.21 ″",
         f"transmission_pwl[2]: 4 nodes from 4.125 ″ to 16.50 ″, {spread}",
@@ -123,21 +128,37 @@ def test_parameter_lines_put_all_nodes_of_a_table_in_one_line():
 def test_diagnosis_shows_separability_reasons_and_predicted_error(capsys):
     lines = printed(RESULT, capsys)
     rows = {line[4:].split("  ")[0]: line.split() for line in lines if line[:2].strip().isdigit()}
-    assert rows["gear_harmonics [3]"][3:5] == ["97", "%"]
-    assert rows["gear_harmonics [3]"][-5:] == ["9.9", "%", "≈", "13.5", "recommended"]
-    assert rows["joint_coupling [2, 1]"][-4:] == ["50.0", "%", "≈", "45.0"]
-    assert rows["backlash [2]"][-4:] == ["50.0", "%", "≈", "65.4"]
-    assert "gear_mesh [2], order 13" in rows
-    assert "gear_mesh [2] 459 cycles a turn" in rows
+    assert rows["gear_harmonics 3"][3:5] == ["97", "%"]
+    assert rows["gear_harmonics 3"][-5:] == ["9.9", "%", "≈", "13.5", "★"]
+    assert rows["joint_coupling 2,1"][-4:] == ["50.0", "%", "≈", "45.0"]
+    assert rows["backlash 2"][-4:] == ["50.0", "%", "≈", "65.4"]
+    assert "gear_mesh 2 (order 13)" in rows
+    assert "gear_mesh 2 (459 cycles a turn)" in rows
     reasons = lines[lines.index("Not recommended") + 1 :]
     assert reasons[0] == "  · 2: stands in for structure that no effect of the catalogue names"
     assert reasons[1] == "  · 3–5: not significant among all that was tried"
     assert any("cannot imitate; ≈: predicted" in line for line in lines)
     assert (
-        "  · nearly as much is explained by: transmission_pwl [3], gear_mesh [3], order 13, warm_up" in lines
+        "  · at least 90 % of it is also explained by: transmission_pwl 3; gear_mesh 3 (order 13); warm_up"
+        in lines
     )
     assert "  · gear_harmonics[3].cos1 = -42.1 ± 2.0 ″" in lines
+    assert "  · command_readback needs the columns qr1 to qr4" in lines
+    assert "  · nest needs the column nest" in lines
+    assert "  · parallelogram needs linkage in robot.yaml" in lines
     assert "error on held-out poses: mean 69.9 µm, RMS 78.7 µm, 95 % 131.3 µm, max 229.2 µm" in lines
+
+
+def test_open_question_leads_to_a_plan_that_can_be_pasted(capsys):
+    result = {
+        **RESULT,
+        "advice": ["A or B: this data cannot tell; armtrue plan chooses poses that separate them"],
+    }
+    present_diagnosis(result, Output(None), Path("my arm/first try.json"), Path("my arm/data.csv"))
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  armtrue plan ")]
+    words = shlex.split(line)
+    assert words[2] == "my arm/first try.json"
+    assert words[-4:] == ["--out", "my arm/poses.csv", "--data", "my arm/data.csv"]
 
 
 def test_candidates_above_50_percent_are_listed_as_missing(capsys):
@@ -163,7 +184,7 @@ def test_nothing_missing_prints_nearest_candidate_and_its_reason(capsys):
     assert "noise floor not known" in lines
     assert "probability that nothing is missing: 93 %" in lines
     assert (
-        "nearest candidate: backlash [2], probability 1 %, explains 3.0 % of the squared residual: "
+        "nearest candidate: backlash 2, probability 1 %, explains 3.0 % of the squared residual: "
         "not significant among all that was tried" in " ".join(lines)
     )
     assert not any("separable" in line for line in lines)
@@ -187,9 +208,9 @@ def test_structure_precedes_candidates_and_lists_a_variable_once(capsys):
     assert at < next(k for k, line in enumerate(lines) if "separable" in line)
 
 
-def test_consecutive_joints_print_as_a_range_and_pairs_do_not():
-    assert called({"effect": "thermal_expansion", "joints": [1, 2, 3, 4]}) == "thermal_expansion [1–4]"
-    assert called({"effect": "joint_coupling", "joints": [3, 2]}) == "joint_coupling [3, 2]"
+def test_joints_are_spelled_as_the_option_takes_them():
+    assert name({"effect": "thermal_expansion", "joints": [1, 2, 3, 4]}) == "thermal_expansion 1,2,3,4"
+    assert name({"effect": "joint_coupling", "joints": [3, 2]}) == "joint_coupling 3,2"
 
 
 def test_candidates_that_differ_only_in_sensor_name_the_sensor(capsys):
@@ -201,11 +222,16 @@ def test_candidates_that_differ_only_in_sensor_name_the_sensor(capsys):
     ]
     result["candidates"] = hot
     lines = printed(result, capsys)
-    assert any(line.startswith(" 2  thermal_base, sensor stand") for line in lines)
-    assert "Recommended: thermal_base, sensor arm" in lines
-    assert any(line.endswith("nearly as much is explained by: thermal_base, sensor stand") for line in lines)
+    assert any(line.startswith(" 2  thermal_base (sensor stand)") for line in lines)
+    assert "Recommended: thermal_base (sensor arm)" in lines
+    assert any(
+        line.endswith("at least 90 % of it is also explained by: thermal_base (sensor stand)")
+        for line in lines
+    )
     result["candidates"] = hot[:1]
-    assert "Recommended: thermal_base" in printed(result, capsys)
+    assert "Recommended: thermal_base (sensor arm)" in printed(result, capsys), (
+        "one name, whatever else is listed"
+    )
 
 
 def _refined(effect, *, beside, joints=()):
@@ -217,7 +243,7 @@ def _refined(effect, *, beside, joints=()):
 def test_refine_warns_if_instrument_effect_may_be_of_the_arm(capsys):
     present_added(_refined("tracker_scale", beside=["joint_scale 1", "tracker_angles"]), Output(None))
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "tracker_scale can hardly be told from joint_scale [1] by these poses" in said
+    assert "tracker_scale can hardly be told from joint_scale 1 by these poses" in said
     assert "tracker_angles" not in said, "tables leave that out too"
 
 

@@ -27,6 +27,19 @@ def test_text_during_the_progress_bar_starts_on_a_cleared_line(monkeypatch):
     assert re.search(r"fitting again .* 20 %", shown)
 
 
+def test_progress_bar_fits_in_80_columns_and_names_no_time_before_it_can_be_estimated(monkeypatch):
+    monkeypatch.setattr(module, "_SHOW_PROGRESS_AFTER_S", -1.0)
+    screen = io.StringIO()
+    output = Output(None)
+    output.console = Console(file=screen, force_terminal=True, width=80, color_system=None)
+    with waiting(output) as progress:
+        progress(0.1, "looking for periods and structure")
+    shown = screen.getvalue()
+    assert "--" not in shown
+    assert "remaining" not in shown
+    assert re.search("looking for periods and structure .* 10 % 0:00:00", shown)
+
+
 def test_progress_bar_is_not_written_to_redirected_output(monkeypatch, capsys):
     monkeypatch.setattr(module, "_SHOW_PROGRESS_AFTER_S", -1.0)
     output = Output(None)

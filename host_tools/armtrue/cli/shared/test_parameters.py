@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from armtrue.cli.shared.parameters import nominal_value
+from armtrue.notebook import nominal_value, nominal_words
 
 MDH = {
     "convention": "mdh",
@@ -49,3 +49,10 @@ def test_nominal_of_a_chain_is_next_joint_pose_or_the_end_pose():
 
 def test_nominal_of_a_compliance_is_none():
     assert nominal_value("joint_compliance[2]", {"kinematics": MDH}) is None
+
+
+def test_nominal_that_rounds_to_zero_has_no_minus_sign():
+    joints = [{"type": "revolute", "offset": -1e-12, "a": 0.0, "alpha": 0.0, "d": 0.0}]
+    assert (
+        nominal_words("joint_offset[1]", {"kinematics": {"convention": "mdh", "joints": joints}}) == "0.000°"
+    )

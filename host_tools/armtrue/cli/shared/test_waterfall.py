@@ -59,9 +59,9 @@ def test_each_added_or_removed_effect_has_a_line_of_its_own(capsys, width):
     changes = " ".join(line[column:].strip() for line in lines[4:])
     for words in (
         "as it stood",
-        "+ gear_mesh [2], order 1",
-        "+ thermal_expansion [1–6]",
-        "+ backlash [2] − transmission_pwl [3] − gear_mesh [2] 142 cycles a turn − joint_scale [1, 4]",
+        "+ gear_mesh 2 (order 1)",
+        "+ thermal_expansion 1,2,3,4,5,6",
+        "+ backlash 2 − transmission_pwl 3 − gear_mesh 2 (142 cycles a turn) − joint_scale 1,4",
     ):
         assert words in changes
     assert [line.split()[0] for line in lines[4:] if line[:4].strip()] == ["0", "1", "2", "3"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from typing import Any
 
-from armtrue.candidates import called
+from armtrue.candidates import name
 from armtrue.cli.shared.output import Output
 from armtrue.verdicts import ERROR_FIGURES, NOT_SCORED, scored
 
@@ -50,8 +50,8 @@ class Waterfall:
 
     def _changes(self, step: dict[str, Any]) -> list[str]:
         """One line for each effect added or removed, wrapped to the width of the terminal."""
-        changes = [f"+ {called(step['added'])}"] if step.get("added") else []
-        changes += [f"− {called(removed)}" for removed in step.get("removed") or []]
+        changes = [f"+ {name(step['added'])}"] if step.get("added") else []
+        changes += [f"− {name(removed)}" for removed in step.get("removed") or []]
         if not changes and not self.steps:
             changes = ["as it stood"]
         elif not changes:

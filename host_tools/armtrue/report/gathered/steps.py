@@ -14,8 +14,6 @@ from armtrue.fitting import Fit
 from armtrue.report.names import gathered
 from armtrue.verdicts import FLOOR_SOURCES, scored
 
-_AXES = 3
-
 
 @dataclass(frozen=True)
 class Step:
@@ -52,19 +50,6 @@ class Step:
         error = self.fit.document["error"]
         ways = {way: scored(figures) for way, figures in error["held_out_by"].items() if figures}
         return {**error, "held_out": scored(error["held_out"]), "held_out_by": ways}
-
-    @property
-    def turn_error_rad(self) -> dict[str, float] | None:
-        """Angle between measured and predicted orientation of the fitted rows: `mean`, `rms`, `p95`, `max`."""
-        if self.turned_rad is None:
-            return None
-        angle = np.linalg.norm(self.turned_rad[self.used], axis=1)
-        return {
-            "mean": float(angle.mean()),
-            "rms": float(np.sqrt(np.mean(angle**2))),
-            "p95": float(np.percentile(angle, 95.0)),
-            "max": float(angle.max()),
-        }
 
     @property
     def noise_floor_um(self) -> float | None:
@@ -121,7 +106,7 @@ def steps_of(fits: list[tuple[Fit, str | None]], *, numbered: bool = True) -> li
                 added=added,
                 removed=removed,
                 residual_m=fit.residuals(),
-                turned_rad=_turned(fit),
+                turned_rad=fit.turns(),
                 used=_used(fit),
             )
         )
@@ -130,14 +115,7 @@ def steps_of(fits: list[tuple[Fit, str | None]], *, numbered: bool = True) -> li
 
 def _changes(added: list[str], removed: list[str]) -> str:
     changes = [*(f"+ {name}" for name in added), *(f"− {name}" for name in removed)]
-    return ", ".join(changes) or "the same effects, fitted again"
-
-
-def _turned(fit: Fit) -> Array | None:
-    sigma = fit.document["noise"]["sigma_rotation_rad"]
-    if sigma is None:
-        return None
-    return np.asarray(sigma * fit.residuals_in_noise()[:, _AXES:])
+    return "; ".join(changes) or "the same effects, fitted again"
 
 
 def _used(fit: Fit) -> NDArray[np.bool_]:

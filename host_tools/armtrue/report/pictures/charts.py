@@ -129,8 +129,9 @@ def added_words(plot: AddedVariable) -> str:
         return "fitted, it adds nothing: the model can take over all that it does"
     scored = float(plot.candidate["explained"])
     words = f"fitted, it takes away {100 * plot.explained:.1f} % of the squared residual"
-    same = abs(plot.explained - scored) < _SAME_SHARE
-    return words if same else f"{words}; its score was {100 * scored:.1f} %"
+    if abs(plot.explained - scored) >= _SAME_SHARE:
+        words += f"; its score was {100 * scored:.1f} %"
+    return f"{words}; grey: positions, orange: orientations" if plot.turned.any() else words
 
 
 def curve_panel(
@@ -198,9 +199,8 @@ def place_panel(x: Array, y: Array, names: tuple[str, str], description: str) ->
     """Where the reflector was, both axes to one scale."""
     rows = spread_rows(x.size, 2 * DOTS)
     half = 0.55 * max(float(np.ptp(x)), float(np.ptp(y)))
-    height = 320
     panel = Panel(
-        _about(x, half), _about(y, half), f"{names[0]} [m]", f"{names[1]} [m]", description, height=height
+        _about(x, half), _about(y, half), f"{names[0]} [m]", f"{names[1]} [m]", description, height=None
     )
     panel.points(x[rows], y[rows], "dots strong-dots")
     return panel.render()

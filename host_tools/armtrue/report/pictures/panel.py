@@ -18,23 +18,25 @@ _BESIDE_TICKS = 26.0  # part of the left margin for the axis name and the gaps b
 _POINTER = (3.5, 9.0)  # half width and height of a note's pointer
 _LINE = 13.0
 _LABEL_CHARACTER = 6.3  # width of a character of a label, in user units
+_NOTE_CHARACTER = 7.8  # the same of a note, which is bold
 _TICK_CHARACTER = 9.0  # the same of a tick label on paper, where letters are largest
 
 
 class Panel:
-    """A chart under construction. `description` is its text for screen readers."""
+    """A chart under construction. `description` is its text for screen readers. `height`: None for a square plot."""
 
     def __init__(
-        self, x: Scale, y: Scale, x_label: str, y_label: str, description: str, *, height: int = 210
+        self, x: Scale, y: Scale, x_label: str, y_label: str, description: str, *, height: int | None = 210
     ) -> None:
         self._x, self._y = x, y
         self._labels = (_axis_name(x, x_label), _axis_name(y, y_label))
         self._description = description
-        self._height = height
-        self._y_ticks = [(value, tick_text(value)) for value in y.ticks(max(4, height // 50))]
+        self._y_ticks = [(value, tick_text(value)) for value in y.ticks(max(4, (height or WIDTH) // 50))]
         longest = max((len(text) for _, text in self._y_ticks), default=0)
         self._left = max(_LEFT, round(_BESIDE_TICKS + _TICK_CHARACTER * longest))
-        self._w, self._h = WIDTH - self._left - _RIGHT, height - _TOP - _BOTTOM
+        self._w = WIDTH - self._left - _RIGHT
+        self._height = self._w + _TOP + _BOTTOM if height is None else height
+        self._h = self._height - _TOP - _BOTTOM
         self._drawn: list[Markup] = []
         self._labels_drawn: list[Markup] = []  # drawn last, so that no line crosses them
         # Places that notes must not cover: (centre, baseline, half width).
@@ -122,7 +124,7 @@ class Panel:
     def _write_notes(self) -> None:
         """Write each note at the nearest free place above its pointer; a note without one is left out."""
         for column, row, label in self._notes:
-            half = _LABEL_CHARACTER * len(label) / 2
+            half = _NOTE_CHARACTER * len(label) / 2
             at = min(max(column, half + 2), self._w - half - 2)
             height = max(9.0, row - 3 - _POINTER[1])
             while height >= 9.0 and any(

@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
+from armtrue.report.pictures.charts import place_panel
 from armtrue.report.pictures.panel import WIDTH, Panel
 from armtrue.report.scales import Scale, symmetric
 
@@ -96,6 +97,15 @@ def test_long_tick_labels_move_the_plot_to_the_right():
     assert float(wide.get("x")) + float(wide.get("width")) == WIDTH - 8
 
 
+def test_bold_letters_of_a_long_note_end_inside_the_plot():
+    panel = empty()
+    panel.note(7.0, 0.0, "turn of the screw or pinion")
+    plot = plot_of(panel)
+    (text,) = plot.findall("text")
+    # As Chromium draws it in 12 px bold DejaVu Sans.
+    assert float(text.get("x")) + 202 / 2 <= float(plot.get("width"))
+
+
 @pytest.mark.parametrize("x", [0.0, 10.0])
 def test_notes_stay_inside_the_chart(x):
     panel = empty()
@@ -121,3 +131,12 @@ def test_labels_are_drawn_over_lines():
     panel.line(np.array([0.0, 1.0]), np.array([0.0, 1.0]), "last")
     drawn = str(panel.render())
     assert drawn.index('class="last"') < drawn.index(">limit<")
+
+
+def test_places_are_drawn_to_one_scale():
+    rng = np.random.default_rng(3)
+    x, y = rng.uniform(-100.0, 100.0, 50), rng.uniform(-10.0, 10.0, 50)
+    chart = ET.fromstring(place_panel(x, y, ("x", "y"), "places"))
+    plot = chart.find("svg")
+    assert plot is not None
+    assert plot.get("width") == plot.get("height")

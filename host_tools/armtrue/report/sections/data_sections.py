@@ -135,7 +135,7 @@ def about_section(report: Report) -> Markup:
         ["columns", ", ".join(data["columns"])],
         ["noise per axis", f"{micrometres(noise['sigma_um'])} µm observed{stated_words}{turn_words}"],
         ["cross-validation", f"{document['error']['folds']} folds, seed {document['error']['seed']}"],
-        ["solver", document["solver"]["message"]],
+        *([["solver", message]] if (message := document["solver"]["message"]) else []),
         [
             "words of this page",
             [

@@ -23,7 +23,14 @@ from armtrue.report.parts import (
     typeset,
 )
 from armtrue.report.pictures import charts
-from armtrue.verdicts import OTHER_SENSOR_ADVICE, chance, of_other_sensors, verdict_words, why_words
+from armtrue.verdicts import (
+    OTHER_SENSOR_ADVICE,
+    chance,
+    needs_words,
+    of_other_sensors,
+    verdict_words,
+    why_words,
+)
 
 _CANDIDATES = (
     "Every effect of the catalogue is tried on every joint that the recorded columns allow: the residual is regressed "
@@ -81,7 +88,7 @@ def added_variable_section(report: Report) -> Markup | None:
                 figure(plot.name + after, panel, mark, " · " if mark else None, charts.added_words(plot))
             )
         if diagnosis.not_drawn:
-            names = f"{', '.join(diagnosis.not_drawn)}{after}."
+            names = f"{'; '.join(diagnosis.not_drawn)}{after}."
             not_drawn.append(tag("p", _NOT_DRAWN, names, class_="lead"))
     if not figures and not not_drawn:
         return None
@@ -114,7 +121,7 @@ def _one(diagnosis: StepDiagnosis, between: bool = False) -> list[Content]:
             _reasons(shown[:with_reasons]),
         ]
     if rest and not between:
-        names = ", ".join(map(called, rest))
+        names = "; ".join(map(called, rest))
         parts.append(tag("p", f"Tried as well, with less evidence: {names}.", class_="lead"))
     return parts
 
@@ -125,7 +132,7 @@ def _advice(result: dict[str, Any]) -> list[Content]:
     if result["advice"]:
         parts += [tag("h4", "Advice"), listed([typeset(sentence) for sentence in result["advice"]])]
     if result["untestable"]:
-        needs = [[entry["effect"], ", ".join(entry["needs"])] for entry in result["untestable"]]
+        needs = [[entry["effect"], needs_words(entry["needs"])] for entry in result["untestable"]]
         caption = "Not testable with what was recorded"
         parts.append(tag("div", table(["effect", "record"], needs, caption, words=(0, 1)), class_="listings"))
     return parts
@@ -144,15 +151,15 @@ def _ambiguity(candidates: list[dict[str, Any]]) -> Markup | None:
         "p",
         "Ambiguity set, whatever explains at least 0.9 of what the best does: ",
         tag("strong", called(best)),
-        f", {', '.join(others)}. The advice below says what would tell them apart.{warmed}",
+        f"; {'; '.join(others)}. The advice below says what would tell them apart.{warmed}",
         class_="ambiguous",
     )
 
 
-def _table(candidates: list[dict[str, Any]], caption: str) -> Markup:
+def _table(shown: list[dict[str, Any]], caption: str) -> Markup:
     headers = ["candidate", "probability", "explains", "ΔBIC", "held-out mean if added [µm]", "separable"]
     rows: list[list[Content]] = []
-    for candidate in candidates:
+    for candidate in shown:
         share = 100.0 * candidate["explained"]
         bar = tag("span", class_="bar", style=f"width:{min(100.0, max(0.0, share)):.1f}%")
         rows.append(
@@ -174,9 +181,9 @@ def _table(candidates: list[dict[str, Any]], caption: str) -> Markup:
     return table(headers, rows, caption + note, stacked=True)
 
 
-def _reasons(candidates: list[dict[str, Any]]) -> Markup:
+def _reasons(shown: list[dict[str, Any]]) -> Markup:
     entries: list[Content] = []
-    for candidate in candidates:
+    for candidate in shown:
         why = typeset(why_words(candidate))
         entries.append(tag("li", tag("strong", called(candidate)), f": {why}.", values_list(candidate)))
     return folded("Why, and how large", tag("ol", entries, class_="evidence"), opened=True)

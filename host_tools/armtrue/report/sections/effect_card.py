@@ -60,13 +60,13 @@ def _among(tried: StepDiagnosis | None, new: list[tuple[str, tuple[int, ...]]]) 
 
 def _card(fit: Fit, candidate: Candidate) -> Markup:
     info = catalogue()[candidate["effect"]]
-    sweep = sweep_of(fit, candidate, info)
-    picture, words = effect_picture(fit, candidate, sweep) if sweep else (None, "")
+    sweep = effect_sweep(fit, candidate)
+    picture, words = picture_of(fit, candidate, info, sweep)
     return tag(
         "figure",
         tag("h3", called(candidate)),
         picture,
-        tag("figcaption", words) if words else None,
+        tag("figcaption", words),
         tag("p", info.summary),
         formula_block(info, sweep),
         bound_lines(info),
@@ -74,9 +74,13 @@ def _card(fit: Fit, candidate: Candidate) -> Markup:
     )
 
 
-def sweep_of(fit: Fit, candidate: Candidate, info: EffectInfo) -> Sweep | None:
-    """The sweep of an effect of the arm; None for an effect of the measurement, which does not move the arm."""
-    return effect_sweep(fit, candidate) if info.exported else None
+def picture_of(
+    fit: Fit, candidate: Candidate, info: EffectInfo, sweep: Sweep | None
+) -> tuple[Markup | None, str]:
+    """The picture of an effect and its caption; without a picture, the caption says why there is none."""
+    if not info.exported:
+        return None, "No picture: this effect is of the measurement and does not move the arm."
+    return effect_picture(fit, candidate, sweep) if sweep else (None, "No picture: this arm cannot have it.")
 
 
 def formula_block(info: EffectInfo, sweep: Sweep | None) -> Markup:

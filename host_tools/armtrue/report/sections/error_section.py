@@ -11,6 +11,7 @@ from armtrue.report.gathered.steps import floor_source
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import ARCSECOND, lead, micrometres, scored_um, section, table
 from armtrue.report.scales import Scale, tick_text
+from armtrue.verdicts import FLOOR_MOVES
 
 # Key of the measure, its name, and the outline of its mark in a square of 16.
 _MEASURES = (
@@ -43,14 +44,15 @@ class _Bar:
     about: Content
     train: dict[str, Any] | None
     held_out: dict[str, Any]
+    floor: float | None = None
 
 
 def error_section(report: Report) -> Markup:
     """The error at each step: mean, RMS, 95 % and maximum, training and held out, beside the noise floor."""
     bars = _bars(report)
     floor = report.last.noise_floor_um
-    scale = _scale(bars, floor)
-    rows = [_row(bar, bars[k - 1] if k else None, scale, floor) for k, bar in enumerate(bars)]
+    scale = _scale(bars)
+    rows = [_row(bar, bars[k - 1] if k else None, scale) for k, bar in enumerate(bars)]
     ticks = [
         tag("span", tick_text(value), class_="at", style=_left(scale, value))
         for value in scale.ticks()
@@ -64,9 +66,10 @@ def error_section(report: Report) -> Markup:
         aria_hidden="true",
     )
     source = floor_source(report.last)
+    moves = f" {FLOOR_MOVES}" if report.last.fit.document["noise_floor"]["source"] == "repeats" else ""
     floor_words = (
-        f"The dashed line is the noise floor, {micrometres(floor)} µm ({source}): what measuring and "
-        "repeatability alone leave."
+        f"The dashed line is the noise floor of each step, of the last {micrometres(floor)} µm ({source}): what "
+        f"measuring and repeatability alone leave.{moves}"
         if floor is not None
         else "The noise floor is not known: nothing was measured twice and no uncertainty is stated."
     )
@@ -94,7 +97,9 @@ def _bars(report: Report) -> list[_Bar]:
         about: Content = step.title if step.given else "fitted for this report"
         if step is report.first:
             about = ", ".join(dict.fromkeys(p["effect"] for p in step.fit.document["parameters"]))
-        bars.append(_Bar(step.called, about, step.error["train"], step.error["held_out"]))
+        bars.append(
+            _Bar(step.called, about, step.error["train"], step.error["held_out"], step.noise_floor_um)
+        )
     return bars
 
 
@@ -103,18 +108,18 @@ def _rises(bars: list[_Bar]) -> bool:
     return any(after > before for before, after in pairwise(means) if None not in (before, after))
 
 
-def _scale(bars: list[_Bar], floor: float | None) -> Scale:
+def _scale(bars: list[_Bar]) -> Scale:
     values = [bar.held_out[key] for bar in bars for key, _, _ in _MEASURES]
     values += [bar.train[key] for bar in bars if bar.train for key, _, _ in _MEASURES]
-    values += [floor or 0.0]
+    values += [bar.floor for bar in bars]
     positive = [value for value in values if value is not None and value > 0.0] or [1.0]
     return Scale(0.7 * min(positive), 1.35 * max(positive), logarithmic=True)
 
 
-def _row(bar: _Bar, before: _Bar | None, scale: Scale, floor: float | None) -> Markup:
+def _row(bar: _Bar, before: _Bar | None, scale: Scale) -> Markup:
     track: list[Content] = []
-    if floor is not None:
-        track.append(tag("i", class_="floor", style=_left(scale, floor)))
+    if bar.floor is not None:
+        track.append(tag("i", class_="floor", style=_left(scale, bar.floor)))
     start, end = before.held_out["mean_um"] if before else None, bar.held_out["mean_um"]
     if start is not None and end is not None:
         track.append(_fall(scale, start, end))
@@ -160,7 +165,7 @@ def _table(bars: list[_Bar], floor: float | None) -> Markup:
         train = [micrometres(bar.train[key] if bar.train else None) for key, _, _ in _MEASURES]
         rows.append([bar.title, *held, *train])
     if floor is not None:
-        rows.append(["Noise floor", micrometres(floor), *[""] * (2 * len(_MEASURES) - 1)])
+        rows.append(["Noise floor, last step", micrometres(floor), *[""] * (2 * len(_MEASURES) - 1)])
     return table(headers, rows, "Error at each step [µm]")
 
 
@@ -168,7 +173,7 @@ def _turns(report: Report) -> Markup | None:
     """Errors of orientation at each step; None where orientations were not measured."""
     rows: list[list[Content]] = []
     for step in report.steps:
-        error = step.turn_error_rad
+        error = step.fit.orientation_error()
         if error is not None:
             rows.append(
                 [step.called, *(f"{error[key] / ARCSECOND:.1f}" for key in ("mean", "rms", "p95", "max"))]

@@ -10,6 +10,7 @@ import numpy as np
 from armtrue.candidates import name
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import with_role
+from armtrue.notebook import nominal_words
 from armtrue.report.content import Report
 from armtrue.report.gathered.state import axis_of
 from armtrue.report.gathered.structure import coordinate_words
@@ -32,7 +33,8 @@ from armtrue.report.pictures import charts
 from armtrue.units import value_and_sigma
 
 _PARAMETERS = (
-    "Values of the last step with one standard deviation. ● is known to better than a third of itself, ○ may as well "
+    "Values of the last step with one standard deviation. Where robot.yaml has a nominal value, the value is the "
+    "correction that is added to it. ● is known to better than a third of itself, ○ may as well "
     "be zero. A parameter that is tied to others is known together with them rather than alone."
 )
 _UNOBSERVABLE = (
@@ -62,11 +64,15 @@ def parameters_section(report: Report) -> Markup:
             plain.setdefault(parameter["effect"], []).append(parameter)
     listings: list[Content] = []
     for effect, parameters in plain.items():
-        listing = _parameter_table(parameters, effect)
+        listing = _parameter_table(parameters, effect, document["robot"])
         heading = f"{effect}: {plural(len(parameters), 'parameter')}"
         listings.append(folded(heading, listing) if len(parameters) > _LONG else listing)
     if document["nonlinear"]:
-        listings.append(_parameter_table(document["nonlinear"], "Searched for: periods, time constants"))
+        listings.append(
+            _parameter_table(
+                document["nonlinear"], "Searched for: periods, time constants", document["robot"]
+            )
+        )
     parts: list[Content] = [_poses(document), tag("div", listings, class_="listings")]
     curves = [_curve(report.last.fit, entries) for entries in tables.values() if _axes(entries) == 1]
     if curves:
@@ -106,9 +112,10 @@ def _poses(document: dict[str, Any]) -> Markup:
     return table(headers, rows, "Base and tool")
 
 
-def _parameter_table(parameters: list[dict[str, Any]], caption: str) -> Markup:
+def _parameter_table(parameters: list[dict[str, Any]], caption: str, robot: dict[str, Any]) -> Markup:
+    nominal = [minus(nominal_words(parameter["name"], robot)) for parameter in parameters]
     rows: list[list[Content]] = []
-    for parameter in parameters:
+    for parameter, of_robot in zip(parameters, nominal, strict=True):
         value, sigma, unit = value_and_sigma(parameter["value"], parameter["sigma"], parameter["unit"])
         known = ""
         if parameter.get("fixed"):
@@ -122,10 +129,16 @@ def _parameter_table(parameters: list[dict[str, Any]], caption: str) -> Markup:
             if abs(entry["r"]) >= _TIED
         ]
         rows.append(
-            [tag("code", rounded(parameter["name"])), minus(value), sigma, unit, known, ", ".join(tied)]
-        )
-    headers = ["parameter", "value", "± sigma", "unit", "value / sigma", "tied to (correlation)"]
-    return table(headers, rows, caption, words=(0, 3, 5))
+            [
+                tag("code", rounded(parameter["name"])), minus(value), sigma, unit,
+                *([of_robot] if any(nominal) else []), known, ", ".join(tied),
+            ]
+        )  # fmt: skip
+    headers = [
+        "parameter", "value", "± sigma", "unit", *(["nominal"] if any(nominal) else []), "value / sigma",
+        "tied to (correlation)",
+    ]  # fmt: skip
+    return table(headers, rows, caption, words=(0, 3, len(headers) - 1))
 
 
 def _curve(fit: Fit, entries: list[dict[str, Any]]) -> Markup:

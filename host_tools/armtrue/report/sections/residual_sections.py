@@ -219,7 +219,7 @@ def unexplained_section(report: Report) -> Markup | None:
         before = found
     if not parts:
         return None
-    return section("unexplained", "Structure that no effect names", lead(_UNEXPLAINED), parts)
+    return section("unexplained", "Structure that no effect explains", lead(_UNEXPLAINED), parts)
 
 
 def _finding(finding: Finding) -> Markup:

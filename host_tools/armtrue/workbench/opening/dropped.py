@@ -12,7 +12,7 @@ from armtrue.checking import Finding, check
 from armtrue.errors import InputError, shorten
 from armtrue.foreign import init
 from armtrue.foreign.robots import WHERE_ARMS_ARE, is_dh_table
-from armtrue.io import Dataset, Robot, load_data, load_model, load_robot
+from armtrue.io import Dataset, Robot, load_data, load_robot
 from armtrue.io.columns import POSITION
 from armtrue.io.files import read_text, write_file
 from armtrue.io.yamlfile import load_yaml
@@ -177,11 +177,9 @@ class Drop:
                 f"Denavit-Hartenberg rows (a, alpha, d, theta) to be dropped too; {WHERE_ARMS_ARE}"
             )
         out = self.folder / _GUESSED
-        found = init(kinds["table"], out, urdf=urdf, dh=dh, robot=robot, force=True, skip_bad=True)
-        if model is not None:
-            arm = load_robot(out / "robot.yaml")
-            load_model(model, arm, load_data(out / "dataset.yaml", arm, strict=False).columns)
-            write_file(out / "model.yaml", read_text(model))
+        found = init(
+            kinds["table"], out, urdf=urdf, dh=dh, robot=robot, model=model, force=True, skip_bad=True
+        )
         self.guess = self._looked_at([*([why] if why else []), *found.notes])
 
     def _looked_at(self, notes: list[str]) -> Guess:

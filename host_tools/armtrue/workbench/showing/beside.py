@@ -16,7 +16,7 @@ from armtrue.verdicts import chance
 from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.elements import button, card, number_of
 from armtrue.workbench.showing.further import Result
-from armtrue.workbench.showing.names import called, called_among, named
+from armtrue.workbench.showing.names import called, named
 from armtrue.workbench.showing.poses import planned
 from armtrue.workbench.showing.words import length
 
@@ -47,7 +47,7 @@ def bayesian_information(session: Session, number: int) -> float:
 def _name(session: Session, node: Node) -> str:
     """The user's name for a model, or all changes on the path to it: two paths may end with the same change."""
     steps = session.path_to(node.number)
-    return node.name or ", ".join(step.change for step in steps[1:]) or steps[0].change
+    return node.name or "; ".join(step.change for step in steps[1:]) or steps[0].change
 
 
 def _figures(session: Session, nodes: list[Node], names: list[str]) -> Markup:
@@ -58,7 +58,7 @@ def _figures(session: Session, nodes: list[Node], names: list[str]) -> Markup:
     rows: list[list[Content]] = [
         [
             "effects that the other lacks",
-            *(", ".join(map(named, effects)) or "none" for effects in _own_effects(nodes)),
+            *("; ".join(map(named, effects)) or "none" for effects in _own_effects(nodes)),
         ],
         ["held-out mean error", *(length(node.mean_um) for node in nodes)],
         ["parameters", *map(str, counts)],
@@ -140,24 +140,22 @@ def planned_between(session: Session, other: int, words: dict[str, Any], progres
 
 
 def swaps(session: Session, place: str) -> str:
-    """Candidates that could replace an effect: those of the step at which it was added, or else of the shown model."""
+    """Candidates that could replace an effect of the shown model."""
     effects = session.node.effects
     number = number_of(place, len(effects), "effect")
     old = effects[number]
-    added = next((node.parent for node in session.path if old in node.added), None)
-    diagnosis = session.diagnosis_of(session.at if added is None else added)
-    candidates = [] if diagnosis is None else list(diagnosis["candidates"])
+    candidates = _replacements(session, old)
     alike = {label for each in candidates if model_entry(each) == old for label in each["confounded_with"]}
     others = [each for each in candidates if model_entry(each) not in effects]
     others.sort(key=lambda each: (called(each) not in alike, -each["probability"]))
     rows = [
         tag(
             "li",
-            tag("span", f"{called_among(each, candidates)}: probability {chance(each['probability'])}"),
+            tag("span", f"{named(each)}: probability {chance(each['probability'])}"),
             " ",
             button(
                 "Put in its place", "swap", effect=number, entry=model_entry(each),
-                aria_label=f"Put {called_among(each, candidates)} in the place of {named(old)}",
+                aria_label=f"Put {named(each)} in the place of {named(old)}",
             ),
         )
         for each in others[:_MOST_RIVALS]
@@ -165,3 +163,30 @@ def swaps(session: Session, place: str) -> str:
     first = "those that these data hardly tell from it come first, then " if alike else ""
     words = f"{plural(len(rows), 'effect')} could stand there; {first}the most probable first."
     return card(f"In the place of {named(old)}", tag("p", words), tag("ul", rows, class_="model"))
+
+
+def _replacements(session: Session, old: dict[str, Any]) -> list[dict[str, Any]]:
+    """Candidates of the shown model without `old`, if it was diagnosed.
+
+    Else those of the model to which `old` was added, and those of the shown model that are not among them: effects
+    removed since.
+    """
+    shown = session.node
+    rest = [effect for effect in shown.effects if effect != old]
+    numbers = [
+        node.number for node in session.nodes if node.left_out == shown.left_out and _same(node.effects, rest)
+    ][:1] or [
+        *(node.parent for node in session.path if node.parent is not None and old in node.added),
+        shown.number,
+    ]
+    diagnoses = [session.diagnosis_of(number) for number in numbers]
+    found: dict[str, dict[str, Any]] = {}
+    for diagnosis in filter(None, diagnoses):
+        for candidate in diagnosis["candidates"]:
+            found.setdefault(str(model_entry(candidate)), candidate)
+    return list(found.values())
+
+
+def _same(effects: list[dict[str, Any]], others: list[dict[str, Any]]) -> bool:
+    """True where two models have the same effects, in whatever order."""
+    return sorted(map(str, effects)) == sorted(map(str, others))

@@ -12,14 +12,14 @@ from armtrue.report.content import added_variable
 from armtrue.report.markup import Content, Markup, join, tag
 from armtrue.report.parts import listed, micrometres, typeset
 from armtrue.report.pictures import charts
-from armtrue.report.pictures.effect_picture import effect_picture
+from armtrue.report.pictures.effect_picture import effect_sweep
 from armtrue.report.sections.diagnosis_sections import values_list
-from armtrue.report.sections.effect_card import bound_lines, formula_block, sweep_of
+from armtrue.report.sections.effect_card import bound_lines, formula_block, picture_of
 from armtrue.verdicts import chance, why_words
 from armtrue.workbench.actions import candidates_of
 from armtrue.workbench.session import Session
 from armtrue.workbench.showing import elements
-from armtrue.workbench.showing.names import called, called_among
+from armtrue.workbench.showing.names import called, named
 
 _NEIGHBOURS = 3
 
@@ -30,7 +30,7 @@ def card(session: Session, place: str) -> str:
     candidate, fit = candidates[number], session.fit_of(session.at)
     info = catalogue()[candidate["effect"]]
     return elements.card(
-        called_among(candidate, candidates),
+        named(candidate),
         tag("p", info.summary),
         _picture_and_formula(fit, candidate, info),
         bound_lines(info),
@@ -69,16 +69,16 @@ def _chosen(session: Session, place: str) -> tuple[list[dict[str, Any]], int]:
 
 
 def _picture_and_formula(fit: Fit, candidate: dict[str, Any], info: EffectInfo) -> Content:
-    sweep = sweep_of(fit, candidate, info)
+    sweep = effect_sweep(fit, candidate)
     formula = formula_block(info, sweep)
     lines = sketching.sketch(info)
     course = (
-        tag("details", tag("summary", "Its course, as text"), tag("pre", "\n".join(lines))) if lines else None
+        tag("details", tag("summary", "Its course on a sample arm, as text"), tag("pre", "\n".join(lines)))
+        if lines
+        else None
     )
-    if sweep is None:
-        return [formula, course]
-    picture, words = effect_picture(fit, candidate, sweep)
-    still = elements.button("Hold still", "hold", aria_pressed="false")
+    picture, words = picture_of(fit, candidate, info, sweep)
+    still = elements.button("Hold still", "hold", aria_pressed="false") if picture else None
     return [
         tag("figure", picture, tag("figcaption", words, " ", still)),
         tag("h3", "Formula"),
@@ -100,10 +100,8 @@ def _neighbours(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> 
     for other in shown:
         words = f"probability {chance(other['probability'])}, explains {100.0 * other['explained']:.1f} %"
         hardly = "; these data hardly tell the two apart" if other in alike else ""
-        lines.append(
-            [tag("b", called_among(other, candidates)), f": {words}{hardly}; {typeset(why_words(other))}."]
-        )
-    return join(tag("p", f"{called_among(candidate, candidates)}: {own}."), listed(lines))
+        lines.append([tag("b", named(other)), f": {words}{hardly}; {typeset(why_words(other))}."])
+    return join(tag("p", f"{named(candidate)}: {own}."), listed(lines))
 
 
 def _alike(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -118,7 +116,7 @@ def _deciding(candidate: dict[str, Any], candidates: list[dict[str, Any]], numbe
         rivals = [] if nearest is None else [nearest]
     if not rivals:
         return tag("p", "There is nothing to tell it from.")
-    names = ", ".join(called_among(candidates[k], candidates) for k in rivals)
+    names = "; ".join(named(candidates[k]) for k in rivals)
     return tag(
         "p",
         f"Poses that tell it from {names} best are planned and drawn under What next. ",

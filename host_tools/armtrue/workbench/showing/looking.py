@@ -178,7 +178,8 @@ def peaks_section(report: Report) -> Markup:
         "Share of the squared residual that one sine of each period would explain, as an error of that joint's angle. "
         "Press what stands out, here or in the chart, to add it to the model and see the error change."
     )
-    return tag("section", tag("p", lead, class_="lead"), tag("div", figures, class_="grid"))
+    dashed = f" Dashed: {report.first.called}." if first else ""
+    return tag("section", tag("p", lead, dashed, class_="lead"), tag("div", figures, class_="grid"))
 
 
 def _peaks(spectrum: Spectrum) -> Content:

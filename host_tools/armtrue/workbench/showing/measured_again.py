@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from armtrue.comparing import Comparison, compare
-from armtrue.errors import InputError
+from armtrue.errors import InputError, RowError
 from armtrue.fitting import Fit
 from armtrue.fitting import fit as fit_model
 from armtrue.io import Dataset, Model, load_data
@@ -43,7 +43,7 @@ def _measured(fit: Fit, drop: Drop, words: Entry) -> Dataset | None:
     """The measurements that were dropped; None where guesses are to be reviewed first.
 
     `words`: the form or the text of guesses. Foreign files are read as those of the session were, if possible.
-    Errors: InputError where there is no file of measurements, or one in Armtrue's own form has a fault.
+    Errors: InputError where there is no file of measurements, or one in Armtrue's own form has an unreadable row.
     """
     if drop.guess is not None:
         return _of_set_up(fit, drop.measurements(words))
@@ -56,8 +56,8 @@ def _measured(fit: Fit, drop: Drop, words: Entry) -> Dataset | None:
     if len(files) == 1:
         try:
             return _of_set_up(fit, load_data(path, fit.robot))
-        except InputError:
-            if kinds[path.name] == "data" or is_own(path):
+        except InputError as error:
+            if kinds[path.name] == "data" or (is_own(path) and isinstance(error, RowError)):
                 raise
         with suppress(InputError):
             return _of_set_up(fit, _read_as_before(fit, path))

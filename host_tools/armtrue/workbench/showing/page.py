@@ -21,7 +21,7 @@ _FILES = (("commands", "As commands"), ("notebook", "As a notebook"), ("model", 
 _PANELS = (
     ("state", "What the error depends on"),
     ("spectra", "Periods of the joints"),
-    ("unexplained", "What no effect names"),
+    ("unexplained", "Structure that no effect explains"),
     ("parameters", "Parameters"),
     ("unobservable", "What the data cannot tell"),
     ("coverage", "Where was measured"),

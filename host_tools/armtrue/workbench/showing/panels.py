@@ -45,7 +45,12 @@ def panel(session: Session, words: dict[str, str]) -> str:
     diagnosed = name in OF_THE_DIAGNOSIS
     if diagnosed and not session.is_diagnosed(session.at):
         return tag("p", "The diagnosis of this model is not worked out yet.")
-    return _SECTIONS[name](_report(session, diagnosed)) or tag("p", "Nothing.")
+    none = (
+        "The diagnosis found no dependence on a recorded variable that the candidates do not explain."
+        if name == "unexplained"
+        else "This model has nothing to show here."
+    )
+    return _SECTIONS[name](_report(session, diagnosed)) or tag("p", none)
 
 
 def _report(session: Session, diagnosed: bool) -> Report:

@@ -178,3 +178,20 @@ def test_bad_cell_in_own_format_is_named_and_nothing_is_guessed(engine, rows, tm
     finish(engine)
     assert "later.csv row 4 column q1: found 'abc'" in engine.failure
     assert engine.drop.guess is None
+
+
+@pytest.mark.parametrize(("columns", "factor", "unit"), [("q", 180 / math.pi, "deg"), ("xyz", 1000.0, "mm")])
+def test_own_format_in_other_units_is_compared_after_review_of_the_form(
+    engine, rows, tmp_path, columns, factor, unit
+):
+    begun(engine, rows, tmp_path)
+    other = [
+        {key: str(factor * float(row[key])) if key[0] in columns else row[key] for key in row}
+        for row in rows[1][FIRST:]
+    ]
+    engine.take("later.csv", text(other))
+    assert "Look at what was guessed" in do(engine, "compare")
+    assert "expected" in engine.drop.guess.notes[0]
+    assert f"unit: {unit}" in engine.drop.guess.text
+    do(engine, "compare", text=engine.drop.guess.text)
+    assert "as was to be expected" in engine.said

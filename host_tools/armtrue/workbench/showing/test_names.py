@@ -13,34 +13,40 @@ from armtrue.workbench.showing.names import called, named
     [
         (
             {"effect": "bending_compliance", "joints": [1], "options": {"shape": "beam"}},
-            "bending_compliance 1 shape beam",
+            "bending_compliance 1 (shape beam)",
         ),
         (
             {"effect": "gear_mesh", "joints": [6], "options": {"cycles": [171.3119657]}},
-            "gear_mesh 6 cycles [171.31]",
+            "gear_mesh 6 (171.31 cycles a turn)",
         ),
         (
             {"effect": "stiffness_nonlinear", "joints": [2], "options": {"soft": True, "soft_torque": 12.5}},
-            "stiffness_nonlinear 2 soft",
+            "stiffness_nonlinear 2 (soft, soft_torque 12.5 Nm)",
         ),
-        ({"effect": "gear_mesh", "joints": [3], "options": {"orders": [13.0]}}, "gear_mesh 3 orders [13]"),
+        ({"effect": "gear_mesh", "joints": [3], "options": {"orders": [13.0]}}, "gear_mesh 3 (order 13)"),
+        (
+            {"effect": "gear_mesh", "joints": [2], "options": {"wavelengths": [0.06, 0.0123]}},
+            "gear_mesh 2 (waves of 60, 12.3 mm)",
+        ),
+        (
+            {"effect": "self_heating", "joints": [3], "options": {"tau": 500.0, "sensor": "arm"}},
+            "self_heating 3 (tau 500 s, sensor arm)",
+        ),
+        ({"effect": "custom", "joints": [2], "name": "odd", "expression": "sin(q2)"}, "custom 2 (odd)"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_named_has_the_options_of_the_variant_in_short_figures(candidate, name):
+def test_name_has_the_options_of_the_variant_in_short_figures(candidate, name):
     assert named(candidate) == name
 
 
-def test_terminal_name_has_the_variant_and_the_sensor_if_needed():
-    soft = {"effect": "stiffness_nonlinear", "joints": [2], "options": {"soft": True, "soft_torque": 12.5}}
-    assert candidates.called(soft) == "stiffness_nonlinear [2], soft"
-    warm = [{"effect": "thermal_expansion", "joints": [], "options": {"sensor": name}} for name in ("a", "b")]
-    assert candidates.called(warm[0]) == "thermal_expansion"
-    assert candidates.called(warm[0], warm) == "thermal_expansion, sensor a"
-
-
-def test_called_keeps_all_figures_as_the_diagnosis_does():
+def test_labels_of_diagnose_are_found_and_spelled():
+    mesh = {"effect": "gear_mesh", "joints": [6], "cycles": [171.3119657, 24.0]}
+    assert called(mesh) == "gear_mesh 6 cycles [171.312,24]"
+    assert named(candidates.entry_of(called(mesh))) == "gear_mesh 6 (171.31, 24 cycles a turn)"
+    sentence = "backlash 3 or gear_mesh 6 cycles [24]: this data cannot tell"
     assert (
-        called({"effect": "gear_mesh", "joints": [6], "cycles": [171.3119657]})
-        == "gear_mesh 6 cycles [171.3119657]"
+        candidates.spelled(sentence) == "backlash 3 or gear_mesh 6 (24 cycles a turn): this data cannot tell"
     )
+    command = "armtrue add FIT gear_mesh --joints 6 --option 'cycles=[24]' --out FIT2"
+    assert candidates.spelled(command) == command

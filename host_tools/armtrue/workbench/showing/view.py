@@ -7,18 +7,21 @@ from typing import Any
 
 import yaml
 
+from armtrue.candidates import entry_of
 from armtrue.checking import warnings_of_fit
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import catalogue
 from armtrue.io.robot import Robot
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import listed, micrometres, plural, rounded, typeset
+from armtrue.report.parts import ARCSECOND, listed, micrometres, plural, typeset
 from armtrue.verdicts import (
     ERROR_FIGURES,
+    FLOOR_MOVES,
     FLOOR_SOURCES,
     NOT_SCORED,
     chance,
+    needs_words,
     scored_mean_um,
     verdict_words,
     why_words,
@@ -32,7 +35,7 @@ from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.elements import button
 from armtrue.workbench.showing.further import leave_out_form
 from armtrue.workbench.showing.left_out import left_out_part, left_out_row
-from armtrue.workbench.showing.names import called_among, named
+from armtrue.workbench.showing.names import named
 from armtrue.workbench.showing.words import length
 
 _SPLITS = {"random": "at random", "region": "by region", "time": "by time"}
@@ -183,7 +186,20 @@ def _error(path: list[Node], fit: Fit, first: FirstFigures | None) -> Markup:
             tag("tbody", rows),
             class_="figures",
         ),
+        _turns(node),
+        tag("p", FLOOR_MOVES, class_="about") if source == "repeats" else None,
     )
+
+
+def _turns(node: Node) -> Markup | None:
+    """The error of orientation; None where orientations were not measured."""
+    if node.turn_error_rad is None:
+        return None
+    figures = [
+        f"{name} {node.turn_error_rad[key] / ARCSECOND:.1f}″"
+        for key, name in zip(("mean", "rms", "p95", "max"), ERROR_FIGURES.values(), strict=True)
+    ]
+    return tag("p", f"Error of orientation, training poses: {', '.join(figures)}", class_="about")
 
 
 def _error_row(name: str, figures: dict[str, float]) -> Markup:
@@ -243,7 +259,7 @@ def _model(node: Node) -> Markup:
 def _candidates(diagnosis: dict[str, Any] | None) -> Markup:
     candidates = diagnosis["candidates"] if diagnosis else []
     heads = ("candidate", "probability", "explains", "error if added", "could also be", "")
-    rows = [_candidate(k, candidate, candidates) for k, candidate in enumerate(candidates)]
+    rows = [_candidate(k, candidate) for k, candidate in enumerate(candidates)]
     none = "No effect of the catalogue is left to try." if diagnosis else "None is known yet."
     table = tag(
         "table",
@@ -256,13 +272,13 @@ def _candidates(diagnosis: dict[str, Any] | None) -> Markup:
     return tag("div", table, class_="in-sight")
 
 
-def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> Markup:
+def _candidate(k: int, candidate: dict[str, Any]) -> Markup:
     share, after = 100.0 * candidate["explained"], candidate["held_out_mean_um_if_added"]
-    rivals = [rounded(rival) for rival in candidate["confounded_with"]]
+    rivals = [named(entry_of(rival)) for rival in candidate["confounded_with"]]
     more = f" and {len(rivals) - _NAMED_RIVALS} more" if len(rivals) > _NAMED_RIVALS else ""
-    others = ", ".join(rivals[:_NAMED_RIVALS]) + more
+    others = "; ".join(rivals[:_NAMED_RIVALS]) + more
     star = tag("span", " ★", class_="trend", title="recommended") if candidate["recommend"] else None
-    name = called_among(candidate, candidates)
+    name = named(candidate)
     return tag(
         "tr",
         tag("th", tag("span", name, id=f"candidate-{k}"), star, scope="row"),
@@ -285,7 +301,7 @@ def _candidate(k: int, candidate: dict[str, Any], candidates: list[dict[str, Any
             others or "–",
             data_label="could also be",
             class_=None if others else "nothing",
-            title=", ".join(rivals) if more else None,
+            title="; ".join(rivals) if more else None,
         ),
         tag(
             "td",
@@ -321,7 +337,9 @@ def _advice(diagnosis: dict[str, Any]) -> Markup:
     unexplained = dict.fromkeys(
         f"What is left depends on {entry['variable']}: {entry['shape']}" for entry in diagnosis["unexplained"]
     )
-    untestable = [f"{entry['effect']} needs {', '.join(entry['needs'])}" for entry in diagnosis["untestable"]]
+    untestable = [
+        f"{entry['effect']} needs {needs_words(entry['needs'])}" for entry in diagnosis["untestable"]
+    ]
     more = tag(
         "details",
         tag("summary", plural(len(untestable), "effect") + " not testable with what was recorded"),

@@ -5,6 +5,7 @@
   const REACH_AGAIN_MS = 1000, WATCH_MS = 500;
   const BESIDE_WORK = ["card", "beside", "swaps", "ring", "hold", "close"]; // buttons that ask for no work of the session
   const WHILE_BUSY = ["cancel", "pause"];
+  const SILENT = "The workbench does not answer. Where it was ended, start 'armtrue open' on the same files again: the session is kept.";
   const SHOW_PROGRESS_AFTER_MS = 400, KEEP_DRAFT_MS = 300;
   // The model whose pieces stand on the page, how much of its diagnosis, and how many actions had ended.
   let model = null, known = null, ended = 0;
@@ -16,7 +17,8 @@
   let held = null; // where the keyboard was when a button was pressed: a button that is disabled loses it
 
   async function ask(address, request) {
-    const answer = await fetch(address, request);
+    let answer;
+    try { answer = await fetch(address, request); } catch { throw new Error(SILENT); }
     if (answer.ok) return answer;
     let sentence = `The workbench answered ${answer.status}.`;
     try { sentence = (await answer.json()).error || sentence; } catch { /* no sentence came along */ }
@@ -214,7 +216,9 @@
     };
     events.onerror = () => {
       if (events.readyState === EventSource.CLOSED) setTimeout(listen, REACH_AGAIN_MS);
-      fail("The workbench does not answer. Where it was ended, start 'armtrue open' on the same files again: the session is kept.");
+      fail(SILENT);
+      clearTimeout(waitingForProgress);
+      for (const name of ["running", "diagnosing"]) byId(name).hidden = true; // the next event shows them again
     };
     events.onopen = () => fail("");
   }
@@ -247,6 +251,7 @@
       globalThis.armtrueLooking.start(slot);
     } catch (error) {
       slot.textContent = error.message;
+      details.dataset.model = "";
     } finally {
       slot.removeAttribute("aria-busy");
     }
