@@ -2,7 +2,8 @@ import math
 
 import pytest
 
-from armtrue.cli.shared.parameters import nominal_value
+from armtrue.cli.shared.output import Output
+from armtrue.cli.shared.parameters import nominal_value, present_parameters
 
 MDH = {
     "convention": "mdh",
@@ -49,3 +50,16 @@ def test_nominal_of_a_chain_is_next_joint_pose_or_the_end_pose():
 
 def test_nominal_of_a_compliance_is_none():
     assert nominal_value("joint_compliance[2]", {"kinematics": MDH}) is None
+
+
+@pytest.mark.parametrize(("held", "title"), [(1, "2 parameters, and 1 held at nominal"), (0, "3 parameters")])
+def test_title_counts_parameters_and_those_held_at_nominal(capsys, held, title):
+    names = ("link_geometry[1].tx", "link_geometry[1].ty", "link_geometry[1].tz")
+    entry = {"effect": "link_geometry", "value": 1e-3, "sigma": 1e-5, "unit": "m"}
+    here = {"xyz": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}
+    document = {
+        "robot": {"kinematics": MDH}, "measuring_from_base": here, "flange_from_tool": {"": here},
+        "parameters": [{**entry, "name": name, "held": k < held} for k, name in enumerate(names)],
+    }  # fmt: skip
+    present_parameters(document, Output(None), everything=False)
+    assert title in capsys.readouterr().out.splitlines()
