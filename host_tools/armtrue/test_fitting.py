@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import armtrue_sim
 import numpy as np
 import pytest
 
 from armtrue import Fit, fitting
+from armtrue.comparing import difference
 from armtrue.errors import InputError
 from armtrue.io import Dataset, load_data, load_model, load_robot
 
@@ -117,7 +120,7 @@ def test_columns_outside_the_fitted_ranges_are_noted_with_figures():
     assert fit.assumed(poses_of)[1] == []
 
 
-def test_fit_stores_its_ranges_and_refuses_malformed_ones(tmp_path):
+def test_fit_stores_its_ranges_and_a_malformed_file_is_refused(tmp_path):
     campaign = armtrue_sim.simulate({"arm": "scara", "seed": 3, "hidden": []})
     campaign.write(tmp_path)
     robot = load_robot(tmp_path / "robot.yaml")
@@ -133,11 +136,27 @@ def test_fit_stores_its_ranges_and_refuses_malformed_ones(tmp_path):
     assert fit.document["data"]["ranges"]["time"][1] == data.columns["time"].max()
     fit.save(tmp_path / "fit.json")
     assert Fit.load(tmp_path / "fit.json").document["data"]["ranges"] == fit.document["data"]["ranges"]
+    for key in ("parameters", "priors"):
+        spoilt = {**fit.document, "model": {**fit.document["model"], key: 7}}
+        (tmp_path / "spoilt.json").write_text(json.dumps(spoilt))
+        with pytest.raises(InputError, match=f"model.{key}"):
+            Fit.load(tmp_path / "spoilt.json")
     for wrong in ({"q9": [0.0, 1.0]}, {"q1": ["a", 1.0]}, {"q1": [1.0]}, 7):
         fit.document["data"]["ranges"] = wrong
         fit.save(tmp_path / "fit.json")
         with pytest.raises(InputError, match="data.ranges"):
             Fit.load(tmp_path / "fit.json")
+
+
+def test_difference_of_fits_is_on_common_rows_with_the_largest_first():
+    def stand_in(rows: list[int], errors_um: list[float]) -> SimpleNamespace:
+        residuals = np.outer(errors_um, [0.0, 0.0, 1e-6])
+        return SimpleNamespace(data=SimpleNamespace(rows=np.array(rows)), residuals=lambda: residuals)
+
+    found = difference(stand_in([2, 3, 4], [1.0, 5.0, 7.0]), stand_in([3, 4, 5], [4.0, -2.0, 1.0]))
+    assert found.rows.tolist() == [4, 3]
+    assert found.apart_um == pytest.approx([9.0, 1.0])
+    assert [one.tolist() for one in found.errors_um] == [pytest.approx([7.0, 5.0]), pytest.approx([2.0, 4.0])]
 
 
 def test_poses_without_a_target_use_the_first_reflector():

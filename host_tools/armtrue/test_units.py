@@ -45,8 +45,9 @@ def test_value_and_sigma_share_unit_and_number_of_decimals(value, sigma, words):
     assert value_and_sigma(value, sigma, "m") == words
 
 
-def test_small_value_in_an_unknown_unit_keeps_its_digits():
+def test_figures_beyond_nine_decimals_take_an_exponent_in_their_unit():
     assert value_and_sigma(-3.14e-12, 2e-14, "furlong") == ("-3.140e-12", "2.0e-14", "furlong")
+    assert value_and_sigma(2.5e-3, 2e-14, "m") == ("2.500000000000e+00", "2.0e-11", "mm")
 
 
 def test_figure_uses_an_exponent_only_for_large_numbers():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 import yaml
 
-from armtrue.checking import CheckReport, check
+from armtrue.checking import CheckReport, check, lengths
 from armtrue.io import Dataset, Robot, load_data, load_robot
 from armtrue.io.rotation import matrix_from_rpy
 from armtrue.tables.chain import flanges
@@ -164,6 +165,10 @@ def test_lengths_in_another_unit_are_found(campaign, factor, code, word):
     assert word in found.message
     if "scale" in found.evidence:
         assert found.evidence["scale"] == pytest.approx(factor, rel=0.01)
+
+
+def test_positions_in_feet_are_known_by_3_28_feet_to_the_metre():
+    assert lengths.true_unit(3.2808) == "ft"
 
 
 @pytest.mark.full
@@ -402,7 +407,8 @@ def test_coordinate_that_is_zero_in_all_rows_is_named(campaign):
 def test_missing_repeat_column_is_noted_and_a_wrong_one_refused(campaign):
     data, robot = campaign("kr30")
     without = replace(data, columns={name: v for name, v in data.columns.items() if name != "repeat"})
-    assert "scatter by" in finding(check(without, robot), "repeated_poses").message
+    said = re.search(r"scatter by (\S+) µm", finding(check(without, robot), "repeated_poses").message)
+    assert 3.0 < float(said[1]) < 50.0, "a tracker's noise, and what load and warmth add"
     repeat = data.columns["repeat"].copy()
     repeat[5] = repeat[50]
     assert finding(check(changed(data, repeat=repeat), robot), "repeat_differs").severity == "error"

@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import armtrue_sim
 import numpy as np
@@ -23,6 +24,7 @@ from typer.testing import CliRunner
 from armtrue import diagnosis
 from armtrue.cli.app import app
 from armtrue.cli.conftest import FIT, armtrue
+from armtrue.cli.fitting import _without
 from armtrue.fitting import Fit
 
 
@@ -176,6 +178,13 @@ def test_add_refuses_an_effect_that_is_partly_in_the_model(folder):
     assert held.returncode == 0, held.stderr
     run = armtrue("add", "scale.json", "joint_scale", "--out", "refused.json", cwd=folder)
     refused(run, ["scale.json: joint_scale cannot be added", "parameter joint_scale[3]", "twice"])
+
+
+def test_effect_that_stands_twice_is_removed_from_one_joint_only():
+    entries = [{"effect": "gear_harmonics", "joints": [k]} for k in (2, 3)]
+    document = {"model": {"effects": entries}, "parameters": entries}
+    kept = _without(Fit(document), {"effect": "gear_harmonics"}, [3], Path("fit.json"))
+    assert kept == entries[:1]
 
 
 def refused(run: subprocess.CompletedProcess[str], named: list[str]) -> None:

@@ -14,7 +14,8 @@ import pytest
 import yaml
 
 from armtrue.cli.conftest import FIT, SCENARIO, armtrue
-from armtrue.cli.planning import outlook, preference
+from armtrue.cli.planning import _present_ambiguity, outlook, preference
+from armtrue.cli.shared.output import Output
 from armtrue.planning import Ambiguity, Plan, Rival, argument_of, entry_of
 
 
@@ -241,6 +242,15 @@ def test_open_set_excludes_decided_rivals_and_tables():
     both = Ambiguity("first", first, [*decided, *undecided, close_table])
     assert both.open == [first, *({"effect": r.candidate} for r in undecided)]
     assert len(Ambiguity("first", first, undecided * 3).open) == 4
+
+
+def test_plan_says_whether_data_decide_or_a_table_stays_possible(capsys):
+    decided = Rival("B", {"effect": "B"}, None, None, table=False)
+    table = Rival("T", {"effect": "T"}, 5.0, -90.0, table=True)
+    for rivals, why in ([decided], "This data decides: "), ([decided, table], "No pose rules out a table: "):
+        ambiguity = Ambiguity("A", {"effect": "A"}, rivals)
+        _present_ambiguity(ambiguity, Plan({"q1": np.zeros(8)}), "armtrue plan fit.json", Output(None))
+        assert why + "these poses are for the fit's own parameters." in capsys.readouterr().out
 
 
 def outlook_of(expected: float, now: float = 0.0) -> str | None:

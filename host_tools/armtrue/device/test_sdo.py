@@ -14,7 +14,7 @@ from armtrue.device import sdo
 from armtrue.device.compensator import Compensator, DeviceRefusedError, Status
 from armtrue.device.image import ImageInfo
 from armtrue.device.sdo import CommunicationError, SdoAbortError, SdoClient
-from armtrue.device.upload import compare
+from armtrue.device.upload import Step, compare, upload_image
 from armtrue.errors import InputError
 
 NODE = 32
@@ -30,6 +30,7 @@ class Scripted:
         self.requests: list[bytes] = []
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        assert len(msg.data) == 8, "an SDO frame always has eight bytes (CiA 301)"
         self.requests.append(bytes(msg.data))
         for data in self._answer(bytes(msg.data)):
             self._waiting.append(can.Message(arbitration_id=0x580 + NODE, data=data, is_extended_id=False))
@@ -122,6 +123,27 @@ def test_block_size_outside_1_to_127_is_refused(size: int, later: bool) -> None:
     assert len(bus.requests) <= 4
 
 
+def test_segmented_download_delivers_every_byte() -> None:
+    arrived = bytearray()
+
+    def answer(request: bytes) -> list[bytes]:
+        if request[0] == 0x21:
+            return [b"\x60" + request[1:4] + bytes(4)]
+        arrived.extend(request[1 : 8 - (request[0] >> 1 & 7)])
+        return [bytes([0x20 | request[0] & 0x10]) + bytes(7)]
+
+    SdoClient(Scripted(answer), NODE).download_segmented(0x1F50, 1, b"123456789")
+    assert arrived == b"123456789"
+
+
+def test_block_download_ends_with_unused_bytes_and_checksum() -> None:
+    """The checksum is the published check value of this CRC: 0x31C3 for the text 123456789."""
+    answers = {0xC6: b"\xa4\x50\x1f\x01\x7f", 0x82: b"\xa2\x02\x7f", 0xD5: b"\xa1"}
+    bus = Scripted(lambda request: [answers[request[0]].ljust(8, b"\0")] if request[0] in answers else [])
+    SdoClient(bus, NODE).download_block(0x1F50, 1, b"123456789")
+    assert bus.requests[-1] == b"\xd5\xc3\x31" + bytes(5), "5 of the last segment's 7 bytes are unused"
+
+
 def test_request_is_sent_on_a_bus_that_is_never_idle() -> None:
     class Busy(Scripted):
         def recv(self, timeout: float | None = None) -> can.Message | None:
@@ -210,6 +232,22 @@ def test_table_for_the_device_or_already_active_is_accepted() -> None:
     compare(image(sequence=5, checksum=0xAA), Status(DEVICE))
     compare(image(sequence=1), Status(DEVICE | {"Table status.Active slot": 0xFF}))
     compare(image(robot_serial="other"), Status(DEVICE | {"Robot serial": ""}))
+
+
+def test_image_transferred_by_an_earlier_attempt_is_not_sent_again() -> None:
+    class Received:
+        def identify(self) -> Status:
+            staged = {"Table status.Staging state": 2, "Table status.Checksum of staged image": 0xBB}
+            return Status(DEVICE | staged | {"Table status.Trial": 0})
+
+        def command(self, name: str) -> None: ...
+
+        def read_number(self, name: str) -> int:
+            return 0xBB
+
+    told: list[Step] = []
+    upload_image(Received(), image(), told.append, lambda done, total: None)  # type: ignore[arg-type]
+    assert told[1] == Step("transferred", "by an earlier attempt")
 
 
 def test_every_abort_code_of_the_firmware_has_a_message() -> None:

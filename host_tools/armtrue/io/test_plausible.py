@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from armtrue.io.plausible import too_few_poses, wrong_units
+from armtrue.errors import InputError
+from armtrue.io.plausible import refuse_too_few_poses, too_few_poses, wrong_units
 from armtrue.io.robot import Robot
 
 JOINTS = [{"name": "1", "a": 0.0, "alpha": 0.0, "d": 1.0, "offset": 0.0, "type": "revolute"}]
@@ -26,7 +29,11 @@ def test_too_few_poses_or_too_little_travel_is_reported(count: int, travel: floa
 
 
 def test_ten_poses_of_one_moving_joint_are_enough() -> None:
-    assert too_few_poses(np.column_stack([np.linspace(0.0, 0.06, 10), np.zeros(10)])) is None
+    joints = np.column_stack([np.linspace(0.0, 0.06, 10), np.zeros(10)])
+    assert too_few_poses(joints) is None
+    refuse_too_few_poses(Path("a.csv"), joints)
+    with pytest.raises(InputError, match=r"^a\.csv: found 9 different poses"):
+        refuse_too_few_poses(Path("a.csv"), joints[1:])
 
 
 @pytest.mark.parametrize(("per_metre", "likely"), [(1000.0, "millimetres"), (39.37, "inches or centimetres")])

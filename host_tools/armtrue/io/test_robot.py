@@ -118,6 +118,8 @@ kinematics:
             "other than the driven",
         ),
         ("name: two\n", "name: two\ntool: {xyz: [0, 0]}\n", "tool.xyz"),
+        ("sensors: [arm]", "sensors: [link 2]", "such as 'link_2'"),
+        ("sensors: [arm]", "sensors: ['°']", "such as 'arm'"),
         ("name: two\n", "name: two\nbase: {xyz: [0, 0, 0], rpy: [0, 0, 90]}\n", "degrees"),
         (
             "name: two\n",

@@ -12,7 +12,7 @@ import pytest
 from armtrue import Fit, InputError, _core, refine
 from armtrue.report import gather
 from armtrue.report.conftest import fitted
-from armtrue.report.content import added_variable
+from armtrue.report.content import _independent, added_variable
 from armtrue.report.gathered.state import independent, turned_by
 from armtrue.report.page import page
 from armtrue.report.sections.diagnosis_sections import added_variable_section
@@ -159,6 +159,13 @@ def test_readings_along_one_direction_count_once_per_pose(report):
     # Three reflectors that see the same joint error count as one reading.
     thrice = [np.repeat(values, 3, axis=0) for values in (along_it, lever, visit)]
     assert independent(*thrice) == pytest.approx(once)
+
+
+def test_rows_of_one_named_reflector_count_like_rows_without_a_name(report, monkeypatch):
+    step = report.last
+    unnamed = _independent(step, 3, report.directions)
+    monkeypatch.setitem(step.fit.data.columns, "target", np.zeros(step.fit.data.count))
+    assert _independent(step, 3, report.directions) == pytest.approx(unnamed, rel=0.1)
 
 
 def test_rotation_of_the_tool_per_motor_matches_the_simulation(tmp_path):

@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 
 from armtrue.report import figures, gather
+from armtrue.report.markup import tag
 from armtrue.report.page import page
 
 ALL = [
@@ -48,6 +49,13 @@ def test_notebook_shows_a_picture_isolated_in_an_iframe(report):
 def test_unexplained_structure_is_drawn_only_if_there_is_any(report, heated):
     assert "<svg" in figures.unexplained(heated).html
     assert "nothing to show" in figures.unexplained(report).html
+
+
+def test_only_a_picture_without_a_section_has_nothing_to_show():
+    assert "Spectra: nothing to show." in figures.Picture("Spectra", None).html
+    drawn = figures.Picture("Spectra", tag("section", "seen")).html
+    assert "<section>seen</section>" in drawn
+    assert "nothing to show" not in drawn
 
 
 def test_picture_is_saved_as_a_page(report, tmp_path):

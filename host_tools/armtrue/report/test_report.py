@@ -92,6 +92,14 @@ def test_sections_are_in_order_and_linked(read):
     assert {link.removeprefix("#") for link in read.links} == set(SECTIONS)
 
 
+def test_marks_and_ticks_of_the_error_lie_on_their_track(text):
+    section = re.search(r'<section id="error".*?</section>', text, re.DOTALL)[0]
+    places = [float(place) for place in re.findall(r"left:([^%]+)%", section)]
+    assert len(places) > 16
+    assert 0.0 <= min(places) < 20.0
+    assert 80.0 < max(places) <= 100.0
+
+
 def test_headings_skip_no_level(read):
     assert read.headings[0] == 1
     assert read.headings.count(1) == 1

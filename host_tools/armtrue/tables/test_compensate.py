@@ -67,6 +67,19 @@ def test_double_engine_has_no_note_if_all_targets_are_reached(tmp_path: Path) ->
     assert compensated(tmp_path, document(SHORTER), joints, Engine.DOUBLE).notes == []
 
 
+@pytest.mark.parametrize("sends_third", [True, False])
+def test_passive_joint_keeps_its_column_as_commanded_or_has_none(tmp_path: Path, sends_third: bool) -> None:
+    """Joint 3 has no motor: bars turn it back by the angle of joint 2, and controllers may write that angle."""
+    fit = document([("motor2", "1", 2e-3)], coupling=[{"joint": 3, "driving": 2, "ratio": -1.0}])
+    fit["robot"]["kinematics"]["joints"][2]["passive"] = True
+    joints = np.array([[0.1, 0.2, -0.2], [0.5, -0.4, 0.4]])
+    names = ["q1", "q2", "q3"] if sends_third else ["q1", "q2"]
+    sent = compensated(tmp_path, fit, joints[:, : len(names)], Engine.FIXED).columns()
+    assert list(sent) == names
+    assert np.abs(sent["q2"] - joints[:, 1]).min() > 1e-3
+    assert not sends_third or sent["q3"].tolist() == joints[:, 2].tolist()
+
+
 def off_by_the_fitter(fit: dict[str, Any], joints: np.ndarray, intended: np.ndarray) -> np.ndarray:
     """Distance [µm] from `intended` to where the fitter, which shares no code with the tables, puts the tool."""
     columns = {f"q{k + 1}": np.ascontiguousarray(joints[:, k]) for k in range(joints.shape[1])}

@@ -11,6 +11,7 @@ from armtrue.tables.builder import Builder
 from armtrue.tables.compiler import Compiler
 from armtrue.tables.conftest import Worst, document
 from armtrue.tables.export import ExportOptions
+from armtrue.tables.gravity_sets import GravitySets
 from armtrue.tables.image import Image
 from armtrue.tables.layout import Node, Section, State
 
@@ -162,6 +163,14 @@ def test_gravity_load_that_is_only_rounding_counts_as_zero(zero: str, form: str,
 def test_gravity_load_on_an_axis_tilted_by_1_urad_is_kept(worst_error: Worst) -> None:
     gravity = [9.81e-6, 0.0, -9.81]
     assert worst_error([("motor2", "payload*u_1_3_x", 1e-2)], gravity=gravity) < 2e-8
+
+
+def test_largest_gravity_torque_fills_30_bits_of_the_device() -> None:
+    """1 kg in joint 3, at most 1.108 m from the base: 10.9 Nm."""
+    sets = GravitySets(fitted_arm(document([]), "t").chain, np.zeros(3), payload_max_kg=0.0)
+    sets.combined({"u_1_3_m": 1.0})
+    sets.choose_fractions()
+    assert 2.0**29 < 9.81 * 1.108 * 2.0 ** sets.sets[0].fraction < 2.0**30
 
 
 def test_payload_terms_are_left_out_if_its_maximum_is_zero() -> None:

@@ -76,6 +76,13 @@ def test_term_of_one_of_several_reflectors_has_its_name() -> None:
     assert list(fitted_arm(fit, "fit").terms) == ["tool[near].tx", "tool.ty"]
 
 
+def test_load_acts_at_the_flange_if_neither_tool_nor_point_is_given() -> None:
+    fit = document([])
+    del fit["payload_point"]
+    assert "tool" not in fit["robot"]
+    assert fitted_arm(fit, "fit").payload_point.tolist() == [0.0, 0.0, 0.0]
+
+
 def test_digest_depends_on_content_and_not_on_key_order() -> None:
     one, other = document([("motor1", "q1", 1e-4)]), document([("motor1", "q1", 1e-4)])
     other["parameters"][0] = dict(reversed(list(other["parameters"][0].items())))

@@ -123,6 +123,9 @@ def test_parameter_lines_put_all_nodes_of_a_table_in_one_line():
         f"transmission_pwl[2]: 4 nodes from 4.125 ″ to 16.50 ″, {spread}",
         f"transmission_pwl[3]: 4 nodes from 6.188 ″ to 24.75 ″, {spread}",
     ]
+    # A table over a joint that does not move has a single node.
+    (alone,) = parameter_lines(nodes[:1])
+    assert alone.startswith("transmission_pwl[2]: 1 node")
 
 
 def test_diagnosis_shows_separability_reasons_and_predicted_error(capsys):

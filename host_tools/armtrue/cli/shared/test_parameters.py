@@ -2,6 +2,8 @@ import math
 
 import pytest
 
+from armtrue.cli.shared.output import Output
+from armtrue.cli.shared.parameters import present_parameters
 from armtrue.notebook import nominal_value, nominal_words
 
 MDH = {
@@ -56,3 +58,16 @@ def test_nominal_that_rounds_to_zero_has_no_minus_sign():
     assert (
         nominal_words("joint_offset[1]", {"kinematics": {"convention": "mdh", "joints": joints}}) == "0.000°"
     )
+
+
+@pytest.mark.parametrize(("held", "title"), [(1, "2 parameters, and 1 held at nominal"), (0, "3 parameters")])
+def test_title_counts_parameters_and_those_held_at_nominal(capsys, held, title):
+    names = ("link_geometry[1].tx", "link_geometry[1].ty", "link_geometry[1].tz")
+    entry = {"effect": "link_geometry", "value": 1e-3, "sigma": 1e-5, "unit": "m"}
+    here = {"xyz": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}
+    document = {
+        "robot": {"kinematics": MDH}, "measuring_from_base": here, "flange_from_tool": {"": here},
+        "parameters": [{**entry, "name": name, "held": k < held} for k, name in enumerate(names)],
+    }  # fmt: skip
+    present_parameters(document, Output(None), everything=False)
+    assert title in capsys.readouterr().out.splitlines()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -68,16 +70,21 @@ def test_sweep_of_a_short_wave_covers_two_periods(fit):
     assert np.ptp(sweep.values) == pytest.approx(2 * 360 / 90, rel=1e-6)
 
 
-def test_constant_effect_is_swept_from_zero_to_its_value(fit):
+@pytest.mark.parametrize("value", [1e-3, -1e-3])
+def test_constant_effect_is_swept_from_zero_to_its_value(fit, value):
     offset = {
         "effect": "joint_offset",
         "joints": [2],
         "options": {},
-        "parameters": [{"name": "joint_offset[2]", "value": 1e-3, "sigma": 1e-6, "unit": "rad"}],
+        "parameters": [{"name": "joint_offset[2]", "value": value, "sigma": 1e-6, "unit": "rad"}],
     }
     sweep = effect_sweep(fit, offset)
     assert sweep.variable is None
-    assert np.allclose(sweep.moves["motor2"], np.linspace(0.0, 1e-3, len(sweep.values)))
+    assert np.allclose(sweep.moves["motor2"], np.linspace(0.0, value, len(sweep.values)))
+    # Without animation the picture stands where the effect is largest, half way there and back.
+    picture, _ = effect_picture(fit, offset, sweep)
+    lasts, still = re.search(r'dur="([\d.]+)s', picture), re.search(r'data-still="([\d.]+)"', picture)
+    assert float(still[1]) == pytest.approx(float(lasts[1]) / 2.0)
 
 
 def test_joint_labels_do_not_overlap_and_stay_in_the_picture(fit):
