@@ -249,7 +249,7 @@ def test_plan_says_whether_data_decide_or_a_table_stays_possible(capsys):
     table = Rival("T", {"effect": "T"}, 5.0, -90.0, table=True)
     for rivals, why in ([decided], "This data decides: "), ([decided, table], "No pose rules out a table: "):
         ambiguity = Ambiguity("A", {"effect": "A"}, rivals)
-        _present_ambiguity(ambiguity, Plan({"q1": np.zeros(8)}), "armtrue plan fit.json", Output(None))
+        _present_ambiguity(ambiguity, Plan({"q1": np.zeros(8)}), "armtrue plan fit.json", "", Output(None))
         assert why + "these poses are for the fit's own parameters." in capsys.readouterr().out
 
 
