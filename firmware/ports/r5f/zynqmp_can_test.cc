@@ -199,7 +199,7 @@ TEST_F(ZynqMpCanTest, CommandThatHasLeft_IsNotDiscarded) {
   EXPECT_EQ(can_.commands().gone, 1U);
 }
 
-// As on bxCAN (stale_commands_test.cc): 5 s without acknowledgement.
+// As on bxCAN (bxcan_test.cc): 5 s without acknowledgement.
 TEST_F(ZynqMpCanTest, BusWithoutAcknowledgement_SendsNoOldTargetOnItsReturn) {
   constexpr std::int32_t kPerCycle = 100;
   canopen::DriverBench bench(can_);
