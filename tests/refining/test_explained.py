@@ -49,7 +49,7 @@ def test_reason_of_a_candidate_agrees_with_its_figures(tmp_path: Path) -> None:
     robot = load_robot(tmp_path / "robot.yaml")
     model = load_model(tmp_path / "model.yaml", robot)
     found = diagnose(fit(load_data(tmp_path / "data.csv", robot), robot, model))
-    said = [c for c in found["candidates"] if "of the squared residual" in c["why"]]
+    said = [c for c in found["candidates"] if "held-out mean" in c["why"]]
     assert said
     for c in said:
         assert f"explains {100 * c['explained']:.1f} %" in c["why"]
