@@ -135,8 +135,8 @@ struct JointScale {
   // Increments per turn or metre; at most INT32_MAX.
   std::int32_t per_turn = 0;
 
-  // 2^-32 turn or metre. |increments| < 2^32, the difference of two positions; an increment has at
-  // least two units, which leaves room for the rounding.
+  // Converts a difference of two positions, |increments| < 2^32, to units of 2^-32 turn (metre).
+  // The product fits 64 bits with room for rounding, because an increment is at least two units.
   std::int64_t units_of(std::int64_t increments) const;
   // Whether increments fall as the joint's position grows.
   bool counts_down() const { return unit_per_increment < 0; }

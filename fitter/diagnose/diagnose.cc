@@ -190,8 +190,7 @@ std::string why_improbable(const Candidate& c, const Diagnosis& d) {
   if (c.parameters.size() <= parameters)
     return "explains more than " + first +
            ", but is less probable: the usual size of such an effect, and joints that repeat "
-           "badly, "
-           "count as well";
+           "badly, count as well";
   return likelier == first ? more + " parameters instead of " + std::to_string(parameters)
                            : more + " parameters; more probable are " + likelier + ", with " +
                                  std::to_string(parameters);

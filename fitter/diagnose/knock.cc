@@ -143,13 +143,16 @@ std::vector<double> times_between(const std::vector<double>& sorted, std::size_t
   return times;
 }
 
-// The middle of each long pause in the sorted times.
-std::vector<double> long_pauses(const std::vector<double>& sorted) {
+// The middle of each long pause in the sorted times; none where a column names the set-ups, or
+// where pauses are too many to be changes of the set-up.
+std::vector<double> long_pauses(const State& state, const std::vector<double>& sorted) {
   std::vector<double> middle;
+  if (state.recorded("station")) return middle;
   for (std::size_t i = kLeastRows; i + kLeastRows <= sorted.size(); ++i) {
     if (sorted[i] - sorted[i - 1] >= kLongPause)
       middle.push_back((sorted[i] + sorted[i - 1]) / 2.0);
   }
+  if (middle.size() > kMostPauses) middle.clear();
   return middle;
 }
 
@@ -272,17 +275,17 @@ std::optional<StructureFinding> find_knock(const Scorer& scorer, const Fit& fit)
   const BestStep best = likeliest_step(scorer, frames, sorted);
   if (!best.frame || is_smooth_course(scorer, best, sorted)) return std::nullopt;
   const bool of_base = best.frame == &frames.front();
-  if (of_base && std::ranges::count(long_pauses(sorted), best.time) > 0) return std::nullopt;
+  if (of_base && std::ranges::count(long_pauses(state, sorted), best.time) > 0) return std::nullopt;
   return finding_of(best, sorted, fit);
 }
 
 std::optional<StructureFinding> find_new_set_up(const Scorer& scorer, const Fit& fit) {
   const State& state = fit.state();
-  if (!state.recorded("time") || state.recorded("station")) return std::nullopt;
+  if (!state.recorded("time")) return std::nullopt;
   std::vector<double> sorted = state.column("time");
   std::ranges::sort(sorted);
-  const std::vector<double> pauses = long_pauses(sorted);
-  if (pauses.empty() || pauses.size() > kMostPauses) return std::nullopt;
+  const std::vector<double> pauses = long_pauses(state, sorted);
+  if (pauses.empty()) return std::nullopt;
   const Frame frame = base_frame();
   const BestStep best = best_of(scorer, frame, pauses);
   if (best.score.coefficient.empty()) return std::nullopt;

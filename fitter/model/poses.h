@@ -7,8 +7,9 @@
 
 namespace armtrue {
 
-/// Rows by posture, pose and visit, numbered from 0 in order of first appearance. Folds are sets of
-/// postures; repeats, noise and degrees of freedom are based on poses and visits.
+/// Rows by posture (the joint angles), pose (a posture with one payload) and visit of the arm to a
+/// pose, each numbered from 0 in order of first appearance. Folds are sets of postures; repeats,
+/// noise and degrees of freedom are based on poses and visits.
 struct Poses {
   std::vector<int> posture_of_row, pose_of_row, visit_of_row;
   int poses = 0, visits = 0;

@@ -17,8 +17,10 @@ from armtrue_sim import simulate
 NIGHT_S = 14 * 3600.0
 
 
-def story_of(folder: Path, moved_m: Callable[[np.ndarray], np.ndarray]) -> dict[str, Any]:
-    """Refinement of a campaign whose second half was measured a night later.
+def story_of(
+    folder: Path, moved_m: Callable[[np.ndarray], np.ndarray], pauses: int = 1, pause_s: float = NIGHT_S
+) -> dict[str, Any]:
+    """Refinement of a campaign measured in sessions of equal size, with `pauses` pauses between them.
 
     `moved_m`: how far the points are displaced along x, as a function of time [s].
     """
@@ -26,7 +28,7 @@ def story_of(folder: Path, moved_m: Callable[[np.ndarray], np.ndarray]) -> dict[
     with (folder / "data.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     time = np.array([float(row["time"]) for row in rows])
-    time[len(rows) // 2 :] += NIGHT_S
+    time += np.arange(len(rows)) * (pauses + 1) // len(rows) * pause_s
     for row, at, by in zip(rows, time, moved_m(time), strict=True):
         row["time"] = f"{at:.1f}"
         row["x"] = f"{float(row['x']) + by:.9f}"
@@ -52,3 +54,12 @@ def test_drift_that_goes_on_in_both_sessions_is_named(tmp_path: Path) -> None:
     (drift,) = (entry for entry in last["effects"] if entry["effect"] == "time_drift")
     assert drift["probability"] > 0.9
     assert last["verdict"] == "nothing_missing"
+
+
+def test_step_in_one_of_many_pauses_is_found(tmp_path: Path) -> None:
+    # With more than six pauses no pause is a change of the set-up by itself, but a step is a step.
+    last = story_of(tmp_path, lambda time: np.where(time > 15000.0, 1e-4, 0.0), pauses=7, pause_s=4000.0)[
+        "steps"
+    ][-1]
+    assert last["verdict"] == "unexplained_structure"
+    assert any("was knocked" in line for line in last["advice"])

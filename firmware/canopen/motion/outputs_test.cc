@@ -218,7 +218,7 @@ TEST_P(InlineOutputsTest, RefusedLastStepToZero_IsMadeWithTheNextSet) {
   EXPECT_EQ(bench.compensator().state(), CompensatorState::kPassThrough);
 }
 
-// The bus accepts frames and takes none for longer than BusWatch::kCommandLifeUs.
+// The controller accepts frames but can send none for longer than BusWatch::kCommandLifeUs.
 TEST_P(OutputsTest, BusTakesNoFrames_GoesOnFromWhatTheDrivesHold) {
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   target = stand = kStand;

@@ -23,10 +23,11 @@ class BusWatch {
   // Adds the commands that it had to discard to `discarded`.
   void process(std::uint64_t now_us, Discarded& discarded);
 
-  // No command leaves that was given to the controller longer ago than this (and a turn of the
-  // loop). A controller that gets no acknowledgement keeps its frames for ever, error passive, and
-  // drives would act on them when they come back. Long enough for a busy bus to take a full queue:
-  // 35 frames are 5 ms at 1 Mbit/s. Answers, emergencies and NMT stay in the queue however old.
+  // A command that the controller could not send within this time (and one turn of the loop) is
+  // discarded. Without acknowledgement, a controller becomes error passive and keeps its frames
+  // until a drive answers again, which would then act on old targets. On a busy bus this is long
+  // enough for a full queue: 35 frames take 5 ms at 1 Mbit/s. Answers, emergencies and NMT stay in
+  // the queue, however old.
   static constexpr std::uint64_t kCommandLifeUs = 20'000;
 
   // Pause before each recovery, so that a controller which goes bus-off again at once does not

@@ -23,8 +23,8 @@ class TpdoProducer {
   // Restarts the timers; no TPDO counts as sent.
   void restart(std::uint64_t now_us);
 
-  // Sends the joint outputs of a new correction; synchronous ones wait for SYNC unless `at_once`,
-  // because the node may have left operational when it comes. `cycle` computed the correction.
+  // Sends the joint outputs of a new correction, which control cycle `cycle` computed. Synchronous
+  // ones wait for SYNC unless `at_once`, for a node that leaves operational before the next SYNC.
   // Returns how many joint outputs the port refused.
   std::uint32_t on_fresh_outputs(CanPort& port, std::uint32_t cycle, std::uint64_t now_us,
                                  bool at_once);

@@ -74,8 +74,10 @@ class SocketCanPort final : public canopen::CanPort {
   bool supports_fd_ = false;
   bool confirms_ = false;  // the kernel says when a frame has left
   ports::Queue<Waiting, kQueue> to_send_;
-  std::size_t in_kernel_ = 0;                // the oldest ones of to_send_
-  std::uint64_t oldest_handed_over_us_ = 0;  // or the one before it has left
+  std::size_t in_kernel_ = 0;  // the oldest ones of to_send_
+  // When the oldest frame in the kernel became the next to leave: it was handed over then, or the
+  // frame before it left then, whichever was later.
+  std::uint64_t oldest_handed_over_us_ = 0;
   bool may_restart_link_ = true;
   std::uint64_t no_command_until_us_ = 0;
   canopen::BusState state_ = canopen::BusState::kActive;

@@ -3,8 +3,8 @@
 //
 // Frames leave in the order in which they were queued. They wait in a queue of 64, and only the
 // oldest is in the controller, which has no way to take one back but a reset. Received frames wait
-// in a queue of 64 behind the controller's FIFO of 64. The controller would leave bus-off by
-// itself; the driver holds it in configuration mode instead, until recover().
+// in a queue of 64 behind the controller's FIFO of 64. After bus-off the controller would rejoin
+// the bus by itself; the driver holds it in configuration mode until recover() is called.
 #ifndef ARMTRUE_FIRMWARE_PORTS_R5F_ZYNQMP_CAN_H_
 #define ARMTRUE_FIRMWARE_PORTS_R5F_ZYNQMP_CAN_H_
 
