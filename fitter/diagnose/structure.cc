@@ -19,6 +19,10 @@ constexpr std::size_t kDescribed = 10, kListed = 5;
 constexpr int kStepsTried = 40;
 constexpr int kDrawn = 40;  // intervals of a curve
 constexpr double kStepExplains = 0.95;
+// A smooth function with few nodes blurs a step that lies between two of them, and a function of
+// another variable, with a node where the step is, may explain more. So a step is looked for in
+// each variable whose smooth function explains this share of the first finding's gain.
+constexpr double kMayBeAStep = 0.5;
 // BIC in favour of a motor: an effect on a motor can equal one on a coordinate beside it.
 constexpr double kMotorFirst = 4.0;
 // BIC against a computed variable: a step in an angle cannot be told from one in a load that varies
@@ -273,9 +277,9 @@ double draw(StructureFinding& finding, const std::vector<const StructureVariable
 }
 
 // Describes the shape of the fitted function.
-void describe_shape(const Scorer& scorer, StructureFinding& finding,
-                    const std::vector<const StructureVariable*>& variables, double share_alone,
-                    bool angle) {
+void describe_shape(StructureFinding& finding,
+                    const std::vector<const StructureVariable*>& variables,
+                    const std::optional<Step>& step, double share_alone, bool angle) {
   const StructureVariable& first = *variables.front();
   const double over_all = draw(finding, variables);
   // The joint's own zero and scale absorb mean and slope, so only the rest is drawn.
@@ -295,8 +299,6 @@ void describe_shape(const Scorer& scorer, StructureFinding& finding,
     }
   }
   char text[160];
-  std::optional<Step> step;
-  if (variables.size() == 1 && first.values.empty()) step = find_step(scorer, finding, first);
   if (step)
     finding.cost =
         std::min(finding.cost, finding.cost + step->score.delta_bic - finding.score.delta_bic);
@@ -415,16 +417,20 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
       if (alone > kAlone) continue;
     }
     if (finding.score.delta_bic > -10.0) continue;
-    if (!structure.findings.empty() &&
-        finding.score.gain < kNearlyAsMuch * structure.findings.front().score.gain)
-      continue;
+    const double first = structure.findings.empty() ? 0.0 : structure.findings.front().score.gain;
+    if (finding.score.gain < kMayBeAStep * first) continue;
+    std::optional<Step> step;
+    if (finding.variables.size() == 1 && used[i].front()->values.empty())
+      step = find_step(scorer, finding, *used[i].front());
+    const double gain = std::max(finding.score.gain, step ? step->score.gain : 0.0);
+    if (gain < kNearlyAsMuch * first) continue;
     finding.log10_p = log10_p_among(finding.score, structure.tried);
     if (finding.log10_p > threshold) continue;
     finding.score = scorer.score({finding.block}).front();
     finding.log10_p = log10_p_among(finding.score, structure.tried);
     if (finding.log10_p > threshold) continue;
     finding.cost = cost(i);
-    describe_shape(scorer, finding, used[i], alone, turns(finding.coordinate, fit.robot()));
+    describe_shape(finding, used[i], step, alone, turns(finding.coordinate, fit.robot()));
     structure.findings.push_back(std::move(finding));
     if (structure.findings.size() == kDescribed) break;
   }

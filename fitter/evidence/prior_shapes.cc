@@ -27,7 +27,7 @@ constexpr double kUnusual = 0.1;
 constexpr double kAreAlike = 0.7;
 constexpr double kAlikeToShare = 0.02;
 // Correlation lengths of tables [rad or m].
-const std::vector<double> kLengths{1.0, 0.3, 0.1, 0.04};
+const std::vector<double> kLengths{3.0, 1.2, 0.5, 0.2, 0.08};
 // Directions of a prior below this share of its largest variance are left out.
 constexpr double kSmallestDirection = 1e-4;
 // Blocks with more columns than this are replaced by an orthonormal basis of their span.
