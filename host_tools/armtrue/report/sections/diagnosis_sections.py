@@ -34,8 +34,8 @@ from armtrue.verdicts import (
 
 _CANDIDATES = (
     "Every effect of the catalogue is tried on every joint that the recorded columns allow: the residual is regressed "
-    "on it with all that is fitted already projected out. log10 p is corrected for the number of candidates; a fall of "
-    "BIC by 10 is strong. Separable is the share of a candidate that is not in the model already."
+    "on it with all that is fitted already projected out. Its probability is found beside all others; a fall of BIC "
+    "by 10 is strong. Separable is the share of a candidate that is not in the model already."
 )
 _ADDED = (
     "Added-variable plots: across, what the candidate at its best size would add to each reading beyond what the model "
