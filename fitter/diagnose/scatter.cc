@@ -195,7 +195,8 @@ std::string words_of(const NoiseParts& noise, const Linearization& l, const Robo
                   robot.joints[k].prismatic ? "um" : "urad", one ? "" : " each");
     words += text;
   }
-  if (!words.empty()) words += "; ";
+  const bool names_joints = !words.empty();
+  if (names_joints) words += "; ";
   words += "readings scatter by " + micrometre_words(reading) + " a coordinate";
   if (l.sigma_rotation > 0.0) {
     char text[80];
@@ -205,6 +206,8 @@ std::string words_of(const NoiseParts& noise, const Linearization& l, const Robo
   }
   if (noise.pose && *noise.pose >= kToldFromReading * reading)
     words += ", and those of one pose together by " + micrometre_words(*noise.pose);
+  if (names_joints && l.poses.visits == l.poses.poses)
+    words += " (an error of a joint that the model lacks would look the same: repeat some poses)";
   return words;
 }
 

@@ -79,7 +79,7 @@ DecimalStep rounding_of_joints(const NoiseParts& noise, const Fit& fit);
 
 /// "joint 2 repeats to 100 urad, joint 3 to 26 urad; readings scatter by 17.0 um a coordinate".
 /// Names joints whose scatter moves the tool by at least half of the readings' scatter, worst
-/// first.
+/// first; if no pose was measured again, says that an error of the joint would look the same.
 std::string words_of(const NoiseParts& noise, const Linearization& linearization,
                      const Robot& robot);
 

@@ -31,6 +31,9 @@ constexpr double kNone = 1e-8;
 constexpr double kLeastPooled = 0.1;
 // A joint is pooled without a test if its estimated variance has at least this relative variance.
 constexpr double kSurelyDoubtful = 1.0;
+// No driven joint scatters by more than this [rad or m]. A joint that hardly moves the reflector
+// can seem to, because an error of the readings then looks the same as its own: it is pooled.
+constexpr double kWorstJoint = 5e-3;
 // Two models whose log-likelihoods, times two, differ by no more than this are equally likely.
 constexpr double kCannotBeTold = 0.01;
 // Added to the information of each part, as a share, so that parts that the data cannot separate
@@ -280,6 +283,10 @@ NoiseParts without_unsure(const RestrictedLikelihood& likelihood, const Lineariz
     return doubts(at.parts, folded(at.scored(likelihood), groups_of(at.parts, l)), reach);
   };
   Eigen::VectorXd doubt = present_doubts();
+  for (std::size_t k = 0; k < at.parts.joint.size(); ++k) {
+    if (at.parts.joint[k] > kWorstJoint)
+      doubt[static_cast<Eigen::Index>(k)] = std::numeric_limits<double>::infinity();
+  }
   if (doubt.maxCoeff() > kSurelyDoubtful) {
     NoiseParts simpler = at.parts;
     for (Eigen::Index k = 0; k < doubt.size(); ++k) {

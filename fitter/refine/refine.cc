@@ -14,8 +14,6 @@
 namespace armtrue {
 namespace {
 
-using nlohmann::json;
-
 // When an effect is removed or exchanged, held-out errors may grow by no more than this share, and
 // by no more than chance explains, in standard errors.
 constexpr double kSameWithout = 1e-2;
@@ -445,52 +443,7 @@ void Refinement::refine_tables() {
   }
 }
 
-// The effects of a step's model. Those that the refinement added have their probability: on several
-// joints, that of the least probable one.
-json effects_of(const RefineStep& step) {
-  json result = step.fit->specification().to_json()["effects"];
-  const std::vector<EffectRequest>& entries = step.fit->specification().effects;
-  for (std::size_t e = 0; e < entries.size(); ++e) {
-    std::optional<double> least;
-    for (const EffectRequest& part : parts_of(step.fit->context(), entries[e])) {
-      const auto found = step.diagnosis.probability_present.find(label(part));
-      if (found != step.diagnosis.probability_present.end())
-        least = std::min(least.value_or(1.0), found->second);
-    }
-    if (least) result[e]["probability"] = *least;
-  }
-  return result;
-}
-
 }  // namespace
-
-json RefineStep::document() const {
-  json result = diagnosis.to_json(*fit);
-  result.erase("spectra");
-  auto& candidates = result["candidates"].get_ref<json::array_t&>();
-  candidates.resize(std::min(candidates.size(), DiagnoseOptions().listed));  // as `diagnose` does
-  result["added"] = nullptr;
-  if (added) {
-    std::vector<std::string> stand_ins = added->confounded_with;
-    std::erase_if(stand_ins, [&](const std::string& name) {
-      return diagnosis.probability_present.contains(name);  // both are in the model
-    });
-    result["added"] = {{"effect", added->request.effect},
-                       {"joints", added->request.joints},
-                       {"options", added->request.options},
-                       {"parameters", parameters_json(*added)},
-                       {"confounded_with", stand_ins}};
-  }
-  result["removed"] = json::array();
-  for (const EffectRequest& r : removed) {
-    result["removed"].push_back({{"effect", r.effect},
-                                 {"joints", r.joints},
-                                 {"options", r.options},
-                                 {"parameters", json::array()}});
-  }
-  result["effects"] = effects_of(*this);
-  return result;
-}
 
 std::vector<RefineStep> refine(std::shared_ptr<Fit> fit, const RefineOptions& options,
                                Observer& observer) {

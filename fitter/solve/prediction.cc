@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <string>
 #include <utility>
 
 #include "fitter/design/stance.h"
@@ -141,6 +143,54 @@ Eigen::Matrix3d propagated(Design& design, std::size_t i, const Eigen::MatrixXd&
   return jacobian * covariance(touched, touched) * jacobian.transpose();
 }
 
+// What the tables of one variable would add beyond their nodes, where their hats are zero but the
+// error that they stand for is not known to be: one coefficient a table, as large as its nodes.
+struct BeyondTables {
+  Model model;
+  Eigen::MatrixXd covariance;
+};
+
+// Rises from 0 at the first or last node to 1 where the table's hats end.
+Expression beyond_nodes(const TableReference::Axis& axis) {
+  const auto text = [](double v) { return Expression::number(v).to_string(); };
+  const std::size_t last = axis.nodes.size() - 1;
+  const std::string& q = axis.variable;
+  const double below = axis.nodes[1] - axis.nodes[0];
+  const double above = axis.nodes[last] - axis.nodes[last - 1];
+  return Expression::parse("min(1, max(0, (" + text(axis.nodes.front()) + " - " + q + ")/" +
+                           text(below) + ") + max(0, (" + q + " - " + text(axis.nodes.back()) +
+                           ")/" + text(above) + "))");
+}
+
+BeyondTables beyond_tables(const Fit& fit) {
+  BeyondTables beyond;
+  std::vector<double> squares, counts;
+  std::map<std::string, std::size_t> of_table;  // by its id
+  for (const Parameter& node : fit.model().parameters) {
+    if (node.terms.size() != 1 || !node.terms.front().table) continue;
+    const TableReference& table = *node.terms.front().table;
+    if (table.axes.size() != 1 || table.axes.front().nodes.size() < 2) continue;
+    const auto [at, fresh] = of_table.try_emplace(table.id, squares.size());
+    if (fresh) {
+      Parameter p = node;
+      p.name += ".beyond";
+      p.value = 0.0;
+      p.fixed = false;
+      p.terms.front().basis = beyond_nodes(table.axes.front());
+      p.terms.front().table.reset();
+      beyond.model.parameters.push_back(std::move(p));
+      squares.push_back(0.0);
+      counts.push_back(0.0);
+    }
+    squares[at->second] += node.value * node.value;
+    counts[at->second] += 1.0;
+  }
+  const auto count = static_cast<Eigen::Index>(squares.size());
+  const Eigen::ArrayXd sums = Eigen::ArrayXd::Map(squares.data(), count);
+  beyond.covariance = (sums / Eigen::ArrayXd::Map(counts.data(), count)).matrix().asDiagonal();
+  return beyond;
+}
+
 // Standard deviation of a parameter that has no prior [m or rad].
 constexpr double kNoPriorSigma = 1.0;
 
@@ -266,13 +316,21 @@ std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
   Design of_history(state, rows, unforeseen.model, fit.kinematics());
   const Eigen::MatrixXd by_history =
       spread_of(unforeseen, covariance, places_in(whole.design, of_history));
-  std::vector<Eigen::Index> in_order(unforeseen.model.parameters.size());
-  std::iota(in_order.begin(), in_order.end(), 0);
+  const auto in_order = [](const Model& model) {
+    std::vector<Eigen::Index> places(model.parameters.size());
+    std::iota(places.begin(), places.end(), 0);
+    return places;
+  };
+  const BeyondTables beyond = beyond_tables(fit);
+  Design of_beyond(state, rows, beyond.model, fit.kinematics());
   std::vector<Eigen::Matrix3d> covariances;
   covariances.reserve(state.rows());
   for (std::size_t i = 0; i < state.rows(); ++i) {
     Eigen::Matrix3d own = propagated(design, i, covariance, places);
-    if (!in_order.empty()) own += propagated(of_history, i, by_history, in_order);
+    if (!of_history.model().parameters.empty())
+      own += propagated(of_history, i, by_history, in_order(unforeseen.model));
+    if (!of_beyond.model().parameters.empty())
+      own += propagated(of_beyond, i, beyond.covariance, in_order(beyond.model));
     if (const Pose* first_from_own = set_up_of(fit.first_from_set_up(), columns, i)) {
       const Eigen::Matrix3d turn = first_from_own->linear().transpose();
       own = turn * own * turn.transpose();

@@ -45,6 +45,27 @@ def test_covariance_covers_poses_that_move_a_joint_held_still(joint: int, tmp_pa
     assert np.mean(squares(fit, seen) < CHI2_3_95) > 0.8, "as sure as before where it stood"
 
 
+def test_covariance_beyond_a_joint_table_includes_the_error_that_it_stands_for(tmp_path: Path) -> None:
+    # The table's hats are zero there, which counted as known: the stated uncertainty fell where the table ended.
+    table = {"effect": "transmission_pwl", "joints": [1], "shape": "table"}
+    scenario = {"arm": "kr30", "seed": 5, "poses": 150, "columns": {"add": []}, "hidden": [table]}
+    simulate(scenario, tmp_path / "free")
+    robot = armtrue.load_robot(tmp_path / "free" / "robot.yaml")
+    whole = armtrue.load_data(tmp_path / "free" / "test.csv", robot)
+    ranges = [[float(q.min()), float(q.max())] for q in whole.joints.T]
+    ranges[0] = [-1.0, 1.0]
+    simulate({**scenario, "joint_range": ranges}, tmp_path / "half")
+    model = armtrue.load_model(tmp_path / "half" / "model.yaml", robot)
+    model = armtrue.Model([*model.effects, {"effect": "transmission_pwl", "joints": [1]}])
+    fit = armtrue.fit(armtrue.load_data(tmp_path / "half" / "data.csv", robot), robot, model)
+    beyond = whole.take(np.abs(whole.joints[:, 0]) > 1.3)
+    assert beyond.count > 30
+    assert np.mean(squares(fit, beyond) < CHI2_3_95) > 0.85
+    sigma = np.sqrt(np.trace(position_covariance(fit, whole), axis1=1, axis2=2))
+    inside = np.abs(whole.joints[:, 0]) < 0.9
+    assert np.median(sigma[~inside]) > 3.0 * np.median(sigma[inside])
+
+
 def test_noisy_orientations_do_not_shrink_position_covariance(tmp_path: Path) -> None:
     # Orientations had a small weight but counted in full among the residuals that estimate the noise.
     found = []

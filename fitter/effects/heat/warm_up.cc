@@ -37,7 +37,8 @@ class WarmUp final : public Effect {
           tau, id(), {}, "s", 1800.0, 60.0, 36000.0, {300.0, 900.0, 1800.0, 3600.0, 7200.0}, "tau"};
       terms.nonlinear.push_back(p);
     }
-    const std::string warmth = "1 - exp(-time/" + tau + ")";
+    // Before the first measurement the arm is as cold as at that measurement.
+    const std::string warmth = "1 - exp(-max(time, 0)/" + tau + ")";
     const int n = context.joint_count();
     std::vector<int> links(static_cast<std::size_t>(n) + 1);
     std::iota(links.begin(), links.end(), 0);
