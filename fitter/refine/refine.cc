@@ -24,6 +24,9 @@ constexpr double kByChance = 2.0;
 constexpr double kWorthNodes = 1e-2;
 // Candidates that are fitted, one after the other, to explain a structure without a name.
 constexpr std::size_t kTriedForStructure = 3;
+// The cause of a structure explains alone at least this share of what its smooth function does. To
+// fit a candidate and search beside it takes as long as all searches before.
+constexpr double kExplainsStructure = 0.8;
 // Candidates of one search from which moves are taken.
 constexpr std::size_t kLookedThrough = 60;
 // Held-out errors of two models that agree within this share are equal.
@@ -380,8 +383,10 @@ bool Refinement::explain_structure() {
       has_grid(steps_.back().fit->model()))
     return false;
   std::vector<const Candidate*> nearest;
+  const double wanted =
+      left.unexplained().empty() ? 0.0 : kExplainsStructure * left.unexplained().front().score.gain;
   for (const Candidate& c : left.candidates) {
-    if (!is_table(c) && c.delta_bic < kShowsAlone) nearest.push_back(&c);
+    if (!is_table(c) && c.delta_bic < kShowsAlone && c.score.gain > wanted) nearest.push_back(&c);
   }
   std::ranges::stable_sort(nearest, {}, &Candidate::delta_bic);
   if (nearest.size() > kTriedForStructure) nearest.resize(kTriedForStructure);
