@@ -8,15 +8,14 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from armtrue.arrays import Array
 from armtrue.checking.report import Finding
+from armtrue.checking.scatter.repeats import joint_keys, pose_of_row, scatter_m, state_keys
 from armtrue.checking.scatter.rounding import position_step_m
 from armtrue.io.dataset import Dataset
 from armtrue.io.robot import Robot
 
 _STILL_RAD = 1e-4
 _NARROW_RAD = math.radians(20.0)
-_SAME_POSE_RAD = 1e-6
 # A read-back that differs from the command by more than this at the tool shows in a fit [m].
 _READBACK_AT_TOOL_M = 20e-6
 _ROWS_NAMED = 8
@@ -128,20 +127,14 @@ def _read_back(data: Dataset, robot: Robot) -> Iterator[Finding]:
     )
 
 
-def pose_keys(data: Dataset) -> NDArray[np.int64]:
-    """Joints and reflector of each row as integers (N, joints + 1), equal for rows of one pose and reflector."""
-    poses = np.round(data.joints / _SAME_POSE_RAD).astype(np.int64)
-    return np.column_stack([poses, data.columns.get("target", np.zeros(data.count)).astype(np.int64)])
-
-
 def _repeats(data: Dataset) -> Iterator[Finding]:
-    keys = pose_keys(data)
-    _, pose_of_row, sizes = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    again = sizes[pose_of_row] > 1
+    pose = pose_of_row(data)
+    sizes = np.bincount(pose)
+    again = sizes[pose] > 1
     if "repeat" in data.columns:
         yield from _repeats_that_differ(data)
     elif again.any():
-        scatter = _scatter(data, pose_of_row, again)
+        scatter = _scatter(data, pose, again)
         yield Finding(
             "repeated_poses",
             "note",
@@ -153,7 +146,9 @@ def _repeats(data: Dataset) -> Iterator[Finding]:
         # Rounding can give readings of one pose the same position: then only rows equal in every column are copies.
         is_rounded = position_step_m(data) > 0.0
         others = [data.columns[name] for name in sorted(data.columns)] if is_rounded else []
-        whole = np.column_stack([keys, np.round(data.positions_m / 1e-9).astype(np.int64), *others])
+        # A reading copied to another load is a copy: the point of another load is never the same to the nanometre.
+        keys = [joint_keys(data), state_keys(data, "payload")]
+        whole = np.column_stack([*keys, np.round(data.positions_m / 1e-9).astype(np.int64), *others])
         _, row_of, counts = np.unique(whole, axis=0, return_inverse=True, return_counts=True)
         copies = counts[row_of] > 1
         if copies.any():
@@ -172,34 +167,10 @@ def _repeats(data: Dataset) -> Iterator[Finding]:
             )
 
 
-def _scatter(data: Dataset, pose_of_row: NDArray[np.intp], again: NDArray[np.bool_]) -> str:
+def _scatter(data: Dataset, pose: NDArray[np.int64], again: NDArray[np.bool_]) -> str:
     if not data.has_positions:
         return ""
-    return f" (they scatter by {scatter_m(data.positions_m[again], pose_of_row[again]) * 1e6:.1f} µm)"
-
-
-def repeats_scatter_m(data: Dataset) -> float:
-    """Standard deviation [m], x, y and z together, of repeated poses about their mean; inf if none was repeated.
-
-    Rows count as one pose if joints, payload and directions of approach agree: differences due to springs or backlash
-    are not noise.
-    """
-    states = [values for name, values in data.columns.items() if name.startswith("dir") or name == "payload"]
-    keys = np.column_stack([pose_keys(data), *states])
-    poses = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
-    # Copied rows are not independent measurements.
-    own = np.unique(np.column_stack([keys, data.positions_m]), axis=0, return_index=True)[1]
-    return scatter_m(data.positions_m[own], poses[own])
-
-
-def scatter_m(positions: Array, pose_of_row: NDArray[np.intp]) -> float:
-    """Standard deviation [m], all axes together, of `positions` (N, 3) about their pose's mean; inf without repeats."""
-    _, pose, sizes = np.unique(pose_of_row, return_inverse=True, return_counts=True)
-    freedom = len(positions) - len(sizes)
-    if freedom == 0:
-        return math.inf
-    sums = np.column_stack([np.bincount(pose, weights=axis) for axis in positions.T])
-    return math.sqrt(float(((positions - (sums / sizes[:, None])[pose]) ** 2).sum()) / freedom)
+    return f" (they scatter by {scatter_m(data.positions_m[again], pose[again]) * 1e6:.1f} µm)"
 
 
 def _repeats_that_differ(data: Dataset) -> Iterator[Finding]:

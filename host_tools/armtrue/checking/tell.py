@@ -10,9 +10,9 @@ import numpy as np
 
 from armtrue.checking import directions
 from armtrue.checking.alignment import evenly
-from armtrue.checking.motion import repeats_scatter_m
 from armtrue.checking.report import Finding
 from armtrue.checking.scatter import rounding, sigma
+from armtrue.checking.scatter.repeats import repeats_scatter_m
 from armtrue.errors import InputError
 from armtrue.io.catalogue import with_role
 from armtrue.io.dataset import Dataset, with_travels

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from armtrue.arrays import Array
 from armtrue.checking.alignment import Columns, align, thinned
 from armtrue.checking.residuals import gross_limit_m
+from armtrue.checking.scatter.repeats import numbered
 from armtrue.io.columns import POSITION, commanded_joints
 from armtrue.io.robot import Robot
 from armtrue.tables.chain import Chain, chain_from_robot, pose, transform
@@ -120,8 +121,9 @@ class _State:
         self._turned = [self.chain.joint_transforms(k, link[:, k]) for k in range(self.chain.joint_count)]
         self.corrections = [np.eye(4) for _ in range(self.chain.joint_count)]
         count = len(joints)
-        self._set_up = _numbered([columns[name] for name in ("station",) if name in columns], count)
-        self.tool = _numbered([columns[name] for name in ("target", "nest") if name in columns], count)
+        every = np.zeros(count)
+        self._set_up = numbered(every, *(columns[name] for name in ("station",) if name in columns))
+        self.tool = numbered(every, *(columns[name] for name in ("target", "nest") if name in columns))
         known = {name: values for name, values in columns.items() if name != "nest"}
         found = align(thinned(known, _ROWS_ALIGNED), robot)
         base = pose(dict(found.measuring_from_base))
@@ -239,13 +241,6 @@ def _turn(vector: Array) -> Array:
     x, y, z = vector / angle
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
-
-
-def _numbered(columns: list[Array], count: int) -> NDArray[np.int64]:
-    """Number of each row's combination of values in `columns`, from 0."""
-    if not columns:
-        return np.zeros(count, dtype=np.int64)
-    return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
 
 
 def _rms(residual: Array) -> float:

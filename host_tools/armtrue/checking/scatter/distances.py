@@ -7,10 +7,11 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armtrue.arrays import Array
-from armtrue.checking.motion import pose_keys, repeats_scatter_m
 from armtrue.checking.report import Finding
+from armtrue.checking.scatter.repeats import joint_keys, numbered, repeats_scatter_m, state_keys
 from armtrue.io.dataset import Dataset
 
 _FEWEST_DISTANCES = 10
@@ -72,25 +73,29 @@ def _finding(between: str, scale: float, compared: str, who: str) -> Finding:
 def _scales(data: Dataset) -> dict[tuple[int, int], float]:
     """Robust standard deviation [m] of the distance of each pair of reflectors measured at enough poses.
 
-    A pose is a run of rows with equal joints: after another pose the arm does not return exactly.
+    A pose is a run of rows with equal joints, set-up and load: after another pose the arm does not return exactly.
+    Distances of one seat (column nest) are compared with each other only, and so are those of one set-up, whose scale
+    may differ.
     """
     targets = data.columns["target"].astype(np.int64)
-    moved = np.any(np.diff(pose_keys(data)[:, :-1], axis=0) != 0, axis=1)
-    pose = np.concatenate([[0], np.cumsum(moved)])
+    state = np.column_stack([joint_keys(data), state_keys(data, "target")])
+    pose = np.concatenate([[0], np.cumsum(np.any(np.diff(state, axis=0) != 0, axis=1))])
+    seat = numbered(np.zeros(data.count), state_keys(data, "target", "payload"))
     points = {}
     for target in np.unique(targets):
         rows = np.flatnonzero(targets == target)
         of_pose, first = np.unique(pose[rows], return_index=True)
-        points[int(target)] = (of_pose, data.positions_m[rows[first]])
+        points[int(target)] = (of_pose, rows[first])
     scales = {}
     for one, other in itertools.combinations(points, 2):
         _, at, beside = np.intersect1d(points[one][0], points[other][0], return_indices=True)
         if at.size >= _FEWEST_DISTANCES:
-            apart = np.linalg.norm(points[one][1][at] - points[other][1][beside], axis=1)
-            scales[one, other] = _scale(apart)
+            row, partner = points[one][1][at], points[other][1][beside]
+            apart = np.linalg.norm(data.positions_m[row] - data.positions_m[partner], axis=1)
+            scales[one, other] = _scale(apart, seat[row])
     return scales
 
 
-def _scale(values: Array) -> float:
-    off = np.abs(values - np.median(values))
+def _scale(values: Array, group: NDArray[np.int64]) -> float:
+    off = np.abs(values - [np.median(values[group == number]) for number in group])
     return float(np.quantile(off, _SHARE)) / _NORMAL_AT_SHARE

@@ -6,13 +6,17 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armtrue.arrays import Array
 from armtrue.checking.report import Finding
+from armtrue.checking.scatter.repeats import numbered, state_keys, without_means
 from armtrue.io.dataset import Dataset, fixed_targets
 
 # A drift is reported beyond this many standard deviations of its slope.
 _DEVIATIONS = 5.0
+# Repeats closer in time than this share of the session show no drift.
+_LEAST_TIME_APART = 1e-3
 
 
 def find(data: Dataset) -> Iterator[Finding]:
@@ -23,10 +27,12 @@ def find(data: Dataset) -> Iterator[Finding]:
 
 
 def _fixed_reflectors(data: Dataset) -> Iterator[Finding]:
+    set_up = numbered(np.zeros(data.count), state_keys(data, "target", "payload"))
     for code in fixed_targets(data):
         rows = data.columns["target"] == code
         name = data.labels["target"][code]
-        shift, sigma = _shift_over(data.clock[rows], data.positions_m[rows])
+        times = data.clock[rows]
+        shift, sigma = _common_shift(times, data.positions_m[rows], set_up[rows], float(np.ptp(times)))
         drifts = shift > _DEVIATIONS * sigma
         evidence = {"target": name, "rows": int(rows.sum()), "shift_m": shift, "sigma_m": sigma}
         if drifts:
@@ -52,24 +58,14 @@ def _wandering_repeats(data: Dataset) -> Iterator[Finding]:
     """A warning if repeated poses, each about its own mean, have a common slope over time."""
     if "repeat" not in data.columns or "time" not in data.columns:
         return
-    key = data.columns["repeat"] * (1 + len(data.labels.get("target", []))) + data.columns.get(
-        "target", np.zeros(data.count)
-    )
-    _, pose = np.unique(key, return_inverse=True)
-    sizes = np.bincount(pose)
-    again = sizes[pose] > 1
+    pose = numbered(data.columns["repeat"], state_keys(data))
+    again = np.bincount(pose)[pose] > 1
     if again.sum() < 6:
         return
-    positions, times = data.positions_m, data.columns["time"].astype(np.float64)
-    centred = np.column_stack([*positions.T, times])[again]
-    pose = pose[again]
-    for column in range(4):
-        sums = np.bincount(pose, weights=centred[:, column])
-        centred[:, column] -= (sums / np.maximum(np.bincount(pose), 1))[pose]
-    span = float(np.ptp(times))
-    if span <= 0.0 or float(np.abs(centred[:, 3]).max()) < 1e-3 * span:
-        return
-    shift, sigma = _shift_over(centred[:, 3], centred[:, :3], span=span, groups=len(np.unique(pose)))
+    times = data.columns["time"].astype(np.float64)
+    shift, sigma = _common_shift(
+        times[again], data.positions_m[again], pose[again], session_s=float(np.ptp(times))
+    )
     if shift <= _DEVIATIONS * sigma:
         return
     yield Finding(
@@ -81,18 +77,21 @@ def _wandering_repeats(data: Dataset) -> Iterator[Finding]:
     )
 
 
-def _shift_over(
-    times: Array, positions: Array, span: float | None = None, groups: int = 1
+def _common_shift(
+    times: Array, positions: Array, group: NDArray[np.int64], session_s: float
 ) -> tuple[float, float]:
-    """Length [m] of the linear shift during the time `span`, and its standard deviation [m]."""
-    centred_times = times - times.mean()
-    power = float(centred_times @ centred_times)
-    if power == 0.0 or times.size <= groups + 2:
+    """Length [m] of the linear shift during `session_s`, and its standard deviation [m].
+
+    The slope is common to all groups; each has its own mean, so that points of two set-ups are not compared.
+    """
+    group = numbered(group)
+    centred_times = without_means(times[:, None], group)[:, 0]
+    freedom = 3 * (times.size - int(group.max()) - 2)
+    if freedom <= 3 or session_s <= 0.0 or float(np.abs(centred_times).max()) < _LEAST_TIME_APART * session_s:
         return 0.0, math.inf
-    centred = positions - positions.mean(axis=0)
+    power = float(centred_times @ centred_times)
+    centred = without_means(positions, group)
     slope = centred_times @ centred / power
     left = centred - np.outer(centred_times, slope)
-    freedom = 3 * (times.size - groups - 1)
-    duration = float(np.ptp(times)) if span is None else span
-    sigma = math.sqrt(float((left**2).sum()) / freedom / power) * duration
-    return float(np.linalg.norm(slope)) * duration, max(sigma, 1e-9)
+    sigma = math.sqrt(float((left**2).sum()) / freedom / power) * session_s
+    return float(np.linalg.norm(slope)) * session_s, max(sigma, 1e-9)
