@@ -11,6 +11,7 @@ import numpy as np
 from armtrue.checking import (
     conventions,
     directions,
+    few_values,
     gravity,
     masses,
     motion,
@@ -79,6 +80,7 @@ def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
         *units.find_ratios(robot),
         *masses.find(data, robot),
         *motion.find(in_radians, robot),
+        *few_values.find(in_radians, robot),
         *directions.find(data),
         *temperatures.find(data),
         *temperatures.without_columns(data, robot),
