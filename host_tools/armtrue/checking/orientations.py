@@ -10,8 +10,9 @@ import numpy as np
 
 from armtrue.arrays import Array
 from armtrue.checking.alignment import Columns, align, alignment_columns, evenly, thinned
+from armtrue.checking.moved.geometry import rigid
 from armtrue.checking.report import Finding
-from armtrue.io.columns import QUATERNION
+from armtrue.io.columns import POSITION, QUATERNION
 from armtrue.io.dataset import Dataset
 from armtrue.io.layout import TURNS, RotationSource
 from armtrue.io.robot import Robot
@@ -21,6 +22,8 @@ from armtrue.tables.chain import flanges, pose
 # Nominal kinematics give the tool's orientation within a degree or two; a wrong convention is off by tens of degrees.
 _LARGEST_ANGLE = math.radians(5.0)
 _ROWS = 60
+# A set-up with fewer rows keeps the base of the first one.
+_FEWEST_OF_SET_UP = 4
 _REMEDY = (
     "Mend the rotation's order, sequence, axes or unit in dataset.yaml; until then fit without orientations."
 )
@@ -131,10 +134,22 @@ def _matrix_that_follows(
 
 
 def _nominal(measured: Columns, robot: Robot) -> Array:
-    """Rotations (N, 3, 3) measuring_from_flange, with nominal kinematics and the aligned base."""
+    """Rotations (N, 3, 3) measuring_from_flange, with nominal kinematics and the aligned base of each set-up."""
     alignment = align(thinned(measured, _ROWS), robot)
-    flange = flanges(measured, robot.spec)
-    return np.asarray(pose(dict(alignment.measuring_from_base))[:3, :3] @ flange[:, :3, :3])
+    flange = pose(dict(alignment.measuring_from_base)) @ flanges(measured, robot.spec)
+    rotation = flange[:, :3, :3].copy()
+    if "station" not in measured:
+        return rotation
+    first = next(iter(alignment.flange_from_tool.values()))
+    targets = measured.get("target", np.zeros(len(flange))).astype(np.int64)
+    tools = np.array([alignment.flange_from_tool.get(str(code), first)["xyz"] for code in targets])
+    points = np.einsum("nij,nj->ni", rotation, tools) + flange[:, :3, 3]
+    seen = np.column_stack([measured[name] for name in POSITION])
+    for station in np.unique(measured["station"]):
+        rows = measured["station"] == station
+        if np.count_nonzero(rows) >= _FEWEST_OF_SET_UP:
+            rotation[rows] = rigid(points[rows], seen[rows])[:3, :3] @ rotation[rows]
+    return rotation
 
 
 def _best_convention(

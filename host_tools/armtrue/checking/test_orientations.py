@@ -61,6 +61,19 @@ def said(data: Dataset, robot: Robot) -> list[str]:
     return [finding.message for finding in check(data, robot).findings if finding.code == CODE]
 
 
+def test_orientations_from_two_set_ups_pass(turned):
+    # Those of the second set-up were compared with the base of the first, and the fit was refused.
+    data, robot, rotation = turned
+    later = np.arange(data.count) >= data.count // 2
+    turn = matrix_about("z", 1.2)
+    points = np.where(later[:, None], data.positions_m @ turn.T + [3.0, -1.0, 0.2], data.positions_m)
+    points = dict(zip("xyz", np.ascontiguousarray(points.T), strict=True))
+    seen = replace(data, columns={**data.columns, **points, "station": 1.0 + later})
+    rotation = np.where(later[:, None, None], turn @ rotation, rotation)
+    assert said(with_rotations(seen, quaternions(rotation)), robot) == []
+    assert len(said(with_rotations(seen, quaternions(rotation)[:, [3, 0, 1, 2]]), robot)) == 1
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_orientations_that_follow_the_arm_pass(turned, sign):
     data, robot, rotation = turned
