@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from armtrue.checking.alignment import Columns, align, thinned
+from armtrue.checking.scatter.repeats import set_up_of_row
 from armtrue.io.columns import POSITION
 from armtrue.io.robot import Robot
 
@@ -31,9 +32,11 @@ def scaled(columns: Columns, scale: float) -> Columns:
 
 
 def spread(columns: Columns) -> float:
-    """Median distance of the positions from their middle; never 0."""
+    """Median distance of the positions from the middle of their set-up; never 0."""
     points = np.column_stack([columns[name] for name in POSITION])
-    return max(1e-9, float(np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1))))
+    set_up = set_up_of_row(columns)
+    middles = np.array([np.median(points[set_up == one], axis=0) for one in range(int(set_up.max()) + 1)])
+    return max(1e-9, float(np.median(np.linalg.norm(points - middles[set_up], axis=1))))
 
 
 def scale_of(columns: Columns, robot: Robot) -> float:

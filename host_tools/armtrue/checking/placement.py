@@ -10,10 +10,13 @@ import numpy as np
 
 from armtrue.arrays import Array
 from armtrue.checking.alignment import Columns
+from armtrue.checking.scatter.repeats import set_up_of_row, without_means
 from armtrue.io.columns import POSITION
 from armtrue.io.robot import Robot
 from armtrue.tables.chain import flanges
 
+# A and c of one set-up.
+UNKNOWNS_OF_BASE = 12
 _AT_A_TIME = 128
 _ROBUST_PASSES = 4
 # Keeps the normal equations solvable where a tool cannot be told from the base.
@@ -79,20 +82,26 @@ def _relaxed(readings: Sequence[Reading]) -> Array:
 
 
 def relaxed_system(reading: Reading) -> tuple[Array, Array]:
-    """The rows (N, 3, unknowns) and right sides (N, 3) of the relaxed problem."""
+    """The rows (N, 3, unknowns) and right sides (N, 3) of the relaxed problem; unknowns: bases first, then tools."""
     columns = reading.columns
     flange = flanges(columns, reading.spec)
     point = np.column_stack([columns[name] for name in POSITION])
-    point = point - point.mean(axis=0)
+    # Each set-up of the tracker has its own A and c.
+    set_up = set_up_of_row(columns)
+    point = without_means(point, set_up)
     point = point / max(1e-12, float(np.sqrt((point**2).sum(axis=1).mean())))
+    bases = UNKNOWNS_OF_BASE * (int(set_up.max()) + 1)
     codes = np.unique(columns["target"], return_inverse=True)[1] if "target" in columns else None
     tools = 1 if codes is None else int(codes.max()) + 1
     count = len(point)
-    rows = np.zeros((count, 3, 12 + 3 * tools))
+    rows = np.zeros((count, 3, bases + 3 * tools))
+    every = np.arange(count)
     for axis in range(3):
-        rows[:, axis, 3 * axis : 3 * axis + 3] = point
-        rows[:, axis, 9 + axis] = 1.0
+        first = UNKNOWNS_OF_BASE * set_up + 3 * axis
+        rows[every[:, None], axis, first[:, None] + np.arange(3)] = point
+        rows[every, axis, UNKNOWNS_OF_BASE * set_up + 9 + axis] = 1.0
     for tool in range(tools):
         of_tool = slice(None) if codes is None else codes == tool
-        rows[of_tool, :, 12 + 3 * tool : 15 + 3 * tool] = -flange[of_tool, :3, :3]
+        own = slice(bases + 3 * tool, bases + 3 * tool + 3)
+        rows[of_tool, :, own] = -flange[of_tool, :3, :3]
     return rows, flange[:, :3, 3]

@@ -81,6 +81,21 @@ def test_joint_zero_off_by_a_quarter_or_half_turn_is_found(campaign, joint, degr
     assert f"joint {joint} has its zero {degrees:+d}°" in error.message
 
 
+def test_joint_zero_is_found_where_two_set_ups_stand_apart(campaign):
+    # With one relaxed base for both set-ups, a zero 90 degrees off was said to be 92.8 degrees off.
+    data, robot = campaign("kr30")
+    later = np.arange(data.count) >= data.count // 2
+    turn = matrix_from_rpy([0.0, 0.0, 1.2])
+    points = np.where(later[:, None], data.positions_m @ turn.T + [3.0, -1.0, 0.2], data.positions_m)
+    apart = dict(zip("xyz", np.ascontiguousarray(points.T), strict=True))
+    seen = changed(data, **apart, station=1.0 + later)
+    assert codes(check(seen, robot), "error") == []
+    off = changed(seen, q3=seen.columns["q3"] - math.radians(50.0))
+    (error,) = [one for one in check(off, robot).findings if one.severity == "error"]
+    assert error.message.startswith("joint 3 has its zero +50")
+    assert error.evidence["rms_m_if_changed"] < 0.005
+
+
 @pytest.mark.full
 def test_remedies_for_a_urdf_do_not_mention_robot_yaml(campaign):
     """A robot.yaml that refers to a URDF has no offsets, limits or axes."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from armtrue.arrays import Array
 from armtrue.checking.alignment import Columns, align, thinned
 from armtrue.checking.residuals import gross_limit_m
-from armtrue.checking.scatter.repeats import numbered
+from armtrue.checking.scatter.repeats import numbered, set_up_of_row
 from armtrue.io.columns import POSITION, commanded_joints
 from armtrue.io.robot import Robot
 from armtrue.tables.chain import Chain, chain_from_robot, pose, transform
@@ -121,9 +121,9 @@ class _State:
         self._turned = [self.chain.joint_transforms(k, link[:, k]) for k in range(self.chain.joint_count)]
         self.corrections = [np.eye(4) for _ in range(self.chain.joint_count)]
         count = len(joints)
-        every = np.zeros(count)
-        self._set_up = numbered(every, *(columns[name] for name in ("station",) if name in columns))
-        self.tool = numbered(every, *(columns[name] for name in ("target", "nest") if name in columns))
+        self._set_up = set_up_of_row(columns)
+        seat = [columns[name] for name in ("target", "nest") if name in columns]
+        self.tool = numbered(np.zeros(count), *seat)
         known = {name: values for name, values in columns.items() if name != "nest"}
         found = align(thinned(known, _ROWS_ALIGNED), robot)
         base = pose(dict(found.measuring_from_base))

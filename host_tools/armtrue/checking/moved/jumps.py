@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from armtrue.arrays import Array
 from armtrue.checking.hypotheses import Hypothesis
-from armtrue.checking.placement import Reading, relaxed_system
+from armtrue.checking.placement import UNKNOWNS_OF_BASE, Reading, relaxed_system
+from armtrue.checking.scatter.repeats import set_up_of_row
 from armtrue.io.dataset import Dataset
 
 # The relaxed problem has 12 unknowns on each side of a step and 3 for each tool: four equations for each of the 12.
@@ -64,7 +65,8 @@ def _place(reading: Reading, order: NDArray[np.int64], column: str) -> int | Non
         return None
     rows, right = relaxed_system(reading)
     rows, right = rows[order], right[order]
-    twice = slice(0, 12) if column == _BASE else slice(12, rows.shape[2])
+    bases = UNKNOWNS_OF_BASE * (int(set_up_of_row(reading.columns).max()) + 1)
+    twice = slice(0, bases) if column == _BASE else slice(bases, rows.shape[2])
     stepped = rows[:, :, twice]
     # The design with a step repeats the columns `twice`, as zero in the rows before the step.
     square = np.einsum("nia,nib->ab", rows, rows)

@@ -35,6 +35,12 @@ def pose_of_row(data: Dataset, *more: Array) -> NDArray[np.int64]:
     return numbered(joint_keys(data), state_keys(data), *more)
 
 
+def set_up_of_row(columns: dict[str, Array]) -> NDArray[np.int64]:
+    """The number (N,) of the tracker's set-up in each row of `columns`, from 0; all 0 without a column station."""
+    count = len(next(iter(columns.values())))
+    return numbered(columns.get("station", np.zeros(count)))
+
+
 def numbered(*columns: Array | NDArray[np.int64]) -> NDArray[np.int64]:
     """The number (N,) of each row's combination of values in `columns`, from 0."""
     combined = np.column_stack(columns)
