@@ -75,10 +75,15 @@ def _amount(value: float, joint: dict[str, Any]) -> str:
     return f"{math.degrees(value):.0f}°" if joint["type"] == "revolute" else f"{1000.0 * value:.0f} mm"
 
 
+def duration(seconds: float) -> str:
+    """`300 s`, `2.1 h`."""
+    return f"{seconds / 3600.0:.1f} h" if seconds >= 7200.0 else f"{seconds:.0f} s"
+
+
 def _size(name: str, value: float) -> str:
     """`value` of a column other than a joint, with its unit as far as the column's name tells it."""
     if name == "time":
-        return f"{value / 3600.0:.1f} h" if value >= 7200.0 else f"{value:.0f} s"
+        return duration(value)
     unit = next((unit for stem, unit in _UNITS.items() if name.startswith(stem)), "")
     return f"{value:.3g} {unit}".rstrip()
 

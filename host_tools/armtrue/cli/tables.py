@@ -161,7 +161,8 @@ def compensate(
 
     The result also has tx, ty, tz: the point that each command was meant for, in the measuring frame. Corrected joints
     that leave the limits are written all the same, with a warning. Rows that by the fit keep more than 20 µm and 5 % of
-    their error are counted, and the farthest is named; --json has what each row keeps.
+    their error are counted, and the farthest is named; --json has what each row keeps. `time` is read on the clock of
+    the measurements that were fitted; without the fit beside TABLES, as seconds since the first of them.
 
     Example: armtrue compensate tables.bin poses.csv --engine fixed --out corrected.csv
     """

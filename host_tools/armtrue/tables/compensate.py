@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from armtrue.arrays import Array
 from armtrue.errors import InputError
+from armtrue.extrapolation import duration
 from armtrue.io import Dataset, Robot, load_data
 from armtrue.io.files import read_json
 from armtrue.tables import fixed
@@ -102,7 +103,8 @@ def compensate(
     robot = _robot_of(image, document)
     data = load_data(poses, robot, need_position=False)
     joints = data.joints
-    around, notes = _surroundings(image, data)
+    clock = _Clock.of(document)
+    around, notes = _surroundings(image, data, clock)
     tool = _tool_numbers(image, data)
     if engine is Engine.FIXED:
         corrected, more = _fixed(image, joints, around, tool)
@@ -272,7 +274,59 @@ def _robot_of(image: Image, document: dict[str, Any]) -> Robot:
     )
 
 
-def _surroundings(image: Image, data: Dataset) -> tuple[Surroundings, list[str]]:
+@dataclass(frozen=True)
+class _Clock:
+    """The clock of the measurements that a table was fitted to [s]; None where the fit is missing or has no time.
+
+    `first`: time of the first of them, from which the table's own time counts. `last`: time of the last.
+    """
+
+    first: float | None
+    last: float | None = None
+
+    @staticmethod
+    def of(document: dict[str, Any]) -> _Clock:
+        """The clock of the fit in `document`, as predict reads it: without an origin it begins at 0."""
+        if not document:
+            return _Clock(None)
+        try:
+            last = float(document["data"]["ranges"]["time"][1])
+        except (KeyError, IndexError, TypeError, ValueError):  # fits by older versions have no ranges
+            last = None
+        return _Clock(float(document.get("time_origin_s", 0.0)), last)
+
+    def since_first(self, times: Array) -> Array:
+        """Seconds since the first fitted measurement; 0 before it, as a device's time begins at 0."""
+        return np.maximum(times - (self.first or 0.0), 0.0)
+
+    def notes(self, times: Array, file: str) -> list[str]:
+        """How `times` of POSES are read, and how many of them are outside the fitted session."""
+        first = self.first or 0.0
+        found = []
+        if self.first is None:
+            found.append(
+                f"{file} has time, and the table does not know when its first fitted measurement was: time is read as "
+                "seconds since then; with the fit (--fit), it is read on the clock of the fitted measurements"
+            )
+        if before := _outside(first - times, "before the first fitted measurement"):
+            clock = "" if self.first is None else ", on the clock of the fitted measurements"
+            found.append(f"{before}{clock}: corrected as at that measurement")
+        if self.last is not None and (
+            after := _outside(times - self.last, "after the last fitted measurement")
+        ):
+            found.append(f"{after}: corrections there are extrapolated")
+        return found
+
+
+def _outside(by: Array, where: str) -> str:
+    """How many rows are outside the session, and by how much at most; `by` [s] is positive there. Empty for none."""
+    count = int(np.count_nonzero(by > 0.0))
+    if not count:
+        return ""
+    return f"{count} of {len(by)} poses {'is' if count == 1 else 'are'} up to {duration(by.max())} {where} by time"
+
+
+def _surroundings(image: Image, data: Dataset, clock: _Clock) -> tuple[Surroundings, list[str]]:
     columns = data.columns
     notes = [
         f"{data.path.name} has no {names}: {neutral} is taken"
@@ -284,10 +338,13 @@ def _surroundings(image: Image, data: Dataset) -> tuple[Surroundings, list[str]]
     if any(column is not None for column in directions):
         zero = np.zeros(data.count)
         direction = np.column_stack([zero if column is None else column for column in directions])
+    times = columns.get("time") if "time" in image.needs() else None
+    if times is not None:
+        notes += clock.notes(times, data.path.name)
     around = Surroundings(
         {name: columns[f"temp_{name}"] for name in image.sensors() if f"temp_{name}" in columns},
         columns.get("payload"),
-        columns.get("time"),
+        None if times is None else clock.since_first(times),
         direction,
     )
     return around, notes

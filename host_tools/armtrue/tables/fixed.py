@@ -22,6 +22,10 @@ MAGNITUDE_CLAMPED = 1
 NEAR_SINGULAR = 4
 OUTSIDE_COVERAGE = 8
 STATE_SATURATED = 16
+# Steps of the firmware's inputs per kelvin, kilogram and second (docs/table-format.md).
+_TEMPERATURE_SCALE = 2.0**20
+_PAYLOAD_SCALE = 2.0**20
+_TIME_SCALE = 2.0**10
 
 
 class _Surroundings(ctypes.Structure):
@@ -122,6 +126,7 @@ class FixedEngine:
         delta = np.zeros(target.shape, dtype=np.int32)
         flags = np.zeros(len(target), dtype=np.uint16)
         self._call("armtrue_solve", target, around, tool, delta, flags)
+        flags[self._is_clipped(around, len(target))] |= np.uint16(STATE_SATURATED)
         corrected = (target + delta) * (2.0**-layout.POSITION_FRACTION / self.unit)
         return Corrected(corrected, flags)
 
@@ -177,18 +182,33 @@ class FixedEngine:
             temperature = np.zeros((rows, len(self.sensors)), dtype=np.int32)
             for s, sensor in enumerate(self.sensors):
                 if sensor in around.temperature:
-                    temperature[:, s] = _to_int32(
-                        (around.temperature[sensor] - self.reference_degc) * 2.0**20
-                    )
+                    temperature[:, s] = _to_int32(self._scaled_temperature(around, sensor))
         direction = None if around.direction is None else np.sign(around.direction).astype(np.int8)
         packed = _Surroundings(
             hold(temperature),
-            hold(None if around.payload is None else _to_int32(around.payload * 2.0**20)),
-            hold(None if around.time is None else _to_int32(around.time * 2.0**10)),
+            hold(None if around.payload is None else _to_int32(around.payload * _PAYLOAD_SCALE)),
+            hold(None if around.time is None else _to_int32(around.time * _TIME_SCALE)),
             hold(direction),
             hold(tool),
         )
         return packed, keep
+
+    def _scaled_temperature(self, around: Surroundings, sensor: str) -> Array:
+        return (around.temperature[sensor] - self.reference_degc) * _TEMPERATURE_SCALE
+
+    def _is_clipped(self, around: Surroundings, rows: int) -> NDArray[np.bool_]:
+        """Rows with an input that 32 bits do not hold: the firmware gets it clipped, and cannot tell."""
+        scaled = [
+            self._scaled_temperature(around, name) for name in self.sensors if name in around.temperature
+        ]
+        if around.payload is not None:
+            scaled.append(around.payload * _PAYLOAD_SCALE)
+        if around.time is not None:
+            scaled.append(around.time * _TIME_SCALE)
+        clipped = np.zeros(rows, dtype=np.bool_)
+        for values in scaled:
+            clipped |= _to_int32(values) != np.round(values)
+        return clipped
 
 
 def _to_int32(values: Array) -> NDArray[np.int32]:

@@ -80,9 +80,14 @@ def test_passive_joint_keeps_its_column_as_commanded_or_has_none(tmp_path: Path,
     assert not sends_third or sent["q3"].tolist() == joints[:, 2].tolist()
 
 
-def off_by_the_fitter(fit: dict[str, Any], joints: np.ndarray, intended: np.ndarray) -> np.ndarray:
-    """Distance [µm] from `intended` to where the fitter, which shares no code with the tables, puts the tool."""
-    columns = {f"q{k + 1}": np.ascontiguousarray(joints[:, k]) for k in range(joints.shape[1])}
+def off_by_the_fitter(
+    fit: dict[str, Any], joints: np.ndarray, intended: np.ndarray, more: dict[str, np.ndarray] | None = None
+) -> np.ndarray:
+    """Distance [µm] from `intended` to where the fitter, which shares no code with the tables, puts the tool.
+
+    `more`: columns besides the joints.
+    """
+    columns = {f"q{k + 1}": np.ascontiguousarray(joints[:, k]) for k in range(joints.shape[1])} | (more or {})
     return 1e6 * np.linalg.norm(np.asarray(_core.predict(json.dumps(fit), columns)) - intended, axis=1)
 
 
@@ -219,3 +224,67 @@ def test_bell_curve_is_corrected_equally_by_both_engines(tmp_path: Path, text: s
     assert fixed.remainder.uncorrected_um.max() > 1000.0
     assert fixed.remainder.left_um.max() < 0.1
     assert np.abs(fixed.joints - double.joints).max() < 1e-6
+
+
+UNIX_S = 1795939200.0  # a session's first row on a clock of seconds since 1970
+
+
+def warming() -> dict[str, Any]:
+    """A fit of an arm that warms up over half an hour, measured for an hour by a clock of Unix seconds."""
+    fit = document([("link2.tx", "1 - exp(-time/1800)", -3e-3), ("motor2", "1 - exp(-time/1800)", 2e-3)])
+    for parameter in fit["parameters"]:
+        parameter["effect"] = "warm_up"
+    fit["robot"]["temperature"] = {}
+    return {**fit, "time_origin_s": UNIX_S, "data": {"ranges": {"time": [UNIX_S, UNIX_S + 3600.0]}}}
+
+
+BENT = np.tile([0.1, 0.2, 1.0], (4, 1)) + 0.1 * np.arange(4)[:, None]
+
+
+def at_times(folder: Path, times: list[float], engine: Engine = Engine.FIXED) -> Compensated:
+    """Bent poses, one a time of `times` [s], corrected by the table of the arm that warms up."""
+    compensated(folder, warming(), BENT, engine)
+    rows = np.column_stack([BENT[: len(times)], times])
+    header = "q1,q2,q3,time"
+    np.savetxt(folder / "poses.csv", rows, delimiter=",", header=header, comments="", fmt="%.9f")
+    return compensate(folder / "t.bin", folder / "poses.csv", engine)
+
+
+@pytest.mark.parametrize("engine", list(Engine))
+def test_time_of_poses_is_on_the_clock_of_the_fitted_measurements(tmp_path: Path, engine: Engine) -> None:
+    """predict puts the corrected arm at the intended points; uncorrected, it misses them by more every minute."""
+    times = [UNIX_S + seconds for seconds in (0.0, 300.0, 1500.0, 3600.0)]
+    result = at_times(tmp_path, times, engine)
+    clock = {"time": np.array(times)}
+    assert off_by_the_fitter(warming(), result.joints, result.intended, clock).max() < 0.5
+    assert (np.diff(off_by_the_fitter(warming(), BENT, result.intended, clock)) > 100.0).all()
+    assert result.notes == []
+
+
+@pytest.mark.parametrize("engine", list(Engine))
+def test_poses_before_the_first_fitted_row_are_taken_as_at_the_start(tmp_path: Path, engine: Engine) -> None:
+    result = at_times(tmp_path, [UNIX_S - 604800.0, UNIX_S - 3600.0, UNIX_S, UNIX_S + 60.0], engine)
+    assert np.abs(result.joints[:3] - BENT[:3]).max() < 1e-7
+    assert result.notes == [
+        "2 of 4 poses are up to 168.0 h before the first fitted measurement by time, on the clock of the fitted "
+        "measurements: corrected as at that measurement"
+    ]
+
+
+def test_poses_after_the_last_fitted_row_are_counted(tmp_path: Path) -> None:
+    result = at_times(tmp_path, [UNIX_S, UNIX_S + 3600.0, UNIX_S + 3900.0])
+    assert result.notes == [
+        "1 of 3 poses is up to 300 s after the last fitted measurement by time: corrections there are extrapolated"
+    ]
+
+
+@pytest.mark.parametrize("times", [[0.0, 600.0], [UNIX_S, UNIX_S + 600.0]])
+def test_without_the_fit_time_counts_from_the_first_fitted_row(tmp_path: Path, times: list[float]) -> None:
+    at_times(tmp_path, times)
+    sidecar(tmp_path / "t.bin").unlink()
+    notes = compensate(tmp_path / "t.bin", tmp_path / "poses.csv").notes
+    assert notes[0] == (
+        "poses.csv has time, and the table does not know when its first fitted measurement was: time is read as "
+        "seconds since then; with the fit (--fit), it is read on the clock of the fitted measurements"
+    )
+    assert ("2 of 2 poses with an input beyond the range of the format" in notes) is (times[0] > 0.0)
