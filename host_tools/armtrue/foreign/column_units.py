@@ -25,7 +25,8 @@ def find_geometry_units(part: Part, prismatic: set[str]) -> None:
     _joint_units(part, prismatic)
     for name, headers in part.meaning.points.items():
         stated = [_stated(part, header, "length", "a point") for header in headers]
-        unit = next((unit for unit in stated if unit), "mm" if _apart(part, name) > _FARTHEST_M else "m")
+        unit = next((unit for unit in (*stated, part.sheet.length_unit) if unit), None)
+        unit = unit or ("mm" if _apart(part, name) > _FARTHEST_M else "m")
         part.units |= {point_axis(name, axis): own or unit for axis, own in zip("xyz", stated, strict=True)}
 
 
@@ -34,16 +35,13 @@ def find_units(part: Part) -> None:
     sheet, meaning = part.sheet, part.meaning
     for name, headers in meaning.points.items():
         units = [part.units[point_axis(name, axis)] for axis in "xyz"]
-        from_header = any(header in sheet.units for header in headers)
-        part.notes.append(
-            f"{', '.join(headers)}: {_of_each(units)}, "
-            f"{_source(from_header, f'points lie {_apart(part, name):.4g} apart')}"
-        )
+        guessed = "a comment says" if sheet.length_unit else f"points lie {_apart(part, name):.4g} apart"
+        part.notes.append(f"{', '.join(headers)}: {_of_each(units)}, {_source(part, headers, guessed)}")
     if len(meaning.rotation) == 3:
         _rotation_unit(part)
     _drop_numbers_of_repetitions(part)
     for name, header in list(meaning.others.items()):
-        if name == "time":
+        if name in ("time", "target"):  # noted where they are read
             continue
         own_unit = sheet.units.get(header)
         if name.startswith("temp_"):
@@ -114,13 +112,14 @@ def _joint_units(part: Part, prismatic: set[str]) -> None:
         part.units |= dict.fromkeys(joints, unit) | stated
         units = ", ".join(dict.fromkeys(part.units[name] for name in joints))
         words = ", ".join(joints.values())
-        part.notes.append(
-            f"{words}: joints in {units}, {_source(bool(stated), f'the largest is {largest:.4g}')}"
-        )
+        why = _source(part, list(joints.values()), f"the largest is {largest:.4g}")
+        part.notes.append(f"{words}: joints in {units}, {why}")
 
 
-def _source(stated: bool, otherwise: str) -> str:
-    return "as its header says" if stated else f"as {otherwise}"
+def _source(part: Part, headers: list[str], otherwise: str) -> str:
+    """What states the unit of columns; `otherwise`: from what it is guessed."""
+    stated = [header for header in headers if header in part.sheet.units]
+    return part.sheet.sources.get(stated[0], "as its header says") if stated else f"as {otherwise}"
 
 
 def _of_each(units: list[str]) -> str:

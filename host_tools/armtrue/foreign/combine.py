@@ -10,6 +10,7 @@ from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.foreign.pairing import Rows, match_rows
 from armtrue.foreign.parts import Part, in_si, point_axis
+from armtrue.foreign.polar import polar_headers
 from armtrue.io.columns import POSITION
 
 
@@ -51,14 +52,12 @@ def long_table(parts: list[Part]) -> tuple[LongTable, list[str]]:
         names = ", ".join(part.sheet.path.name for part in (with_joints or parts))
         raise InputError(
             f"{names}: found joints in {len(with_joints)} of the files, expected them in one, "
-            "under a header that names them (q1, J1, A1, joint_1 …)"
+            f"under a header that names them (q1, J1, A1, joint_1 …){without_header(parts)}"
         )
     base = with_joints[0]
     blocks, notes = _blocks(base, parts)
     if not blocks:
-        axes = ", ".join(name for name in base.sheet.header if name.lower() in POSITION)
-        found = f"only {axes} of the columns of points" if axes else "no columns of points"
-        raise InputError(f"{base.sheet.path}: found {found}, expected x, y and z in one of the files")
+        raise InputError(_no_points(base, parts))
     if len(blocks) > 1:
         notes.append(f"{len(blocks)} reflectors, one below the other: {', '.join(b.label for b in blocks)}")
     columns: _Pieces = {}
@@ -75,14 +74,52 @@ def long_table(parts: list[Part]) -> tuple[LongTable, list[str]]:
     notes += [f"{name}: not taken, as not every reflector has it" for name in of_some]
     table = _joined({name: pieces for name, pieces in columns.items() if name not in of_some})
     if len(blocks) > 1:
+        named = [(part, part.meaning.others["target"]) for part in parts if "target" in part.meaning.others]
+        notes += [
+            f"{part.sheet.path.name}: {header}: not taken, as reflectors have columns or files of their own"
+            for part, header in named
+        ]
         table.labels = [block.label for block in blocks for _ in range(len(block.joints))]
         return table, notes
-    named = base.meaning.others.get("target")
-    cells = base.sheet.cells(named) if named else []
-    # If most rows have a name of their own, the names are of poses, not of reflectors.
-    few = 1 < 2 * len(set(cells)) <= len(cells)
-    table.labels = [cells[at] for at in blocks[0].joints] if few else None
-    return table, notes
+    table.labels, said = _reflectors(base, blocks[0])
+    return table, notes + said
+
+
+def _no_points(base: Part, parts: list[Part]) -> str:
+    """That no file has points, in words, and what to do about it."""
+    names = str(base.sheet.path) if len(parts) == 1 else ", ".join(part.sheet.path.name for part in parts)
+    axes = ", ".join(name for name in base.sheet.header if name.lower() in POSITION)
+    found = f"only {axes} of the columns of points" if axes else "no columns of points"
+    message = f"{names}: found {found}, expected x, y and z in one of the files"
+    for part in parts:
+        if polar := polar_headers(part.sheet):
+            message += (
+                f"; {part.sheet.path.name} has {', '.join(polar)}, which may be polar readings, whose angles are not "
+                "known well enough (azimuth and elevation or zenith are): export the points as Cartesian x, y, z"
+            )
+    return message + without_header(parts)
+
+
+def without_header(parts: list[Part]) -> str:
+    """What to do about files without a header, in words; empty where each has one."""
+    bare = [part.sheet.path.name for part in parts if not part.sheet.has_header]
+    have = "has" if len(bare) == 1 else "have"
+    line = "write a first line that names its columns, such as Name,X,Y,Z"
+    return f"; {', '.join(bare)} {have} no header: {line}" if bare else ""
+
+
+def _reflectors(base: Part, block: _Block) -> tuple[list[str] | None, list[str]]:
+    """The reflector of each row of the only block, None where there is one for all, and a note on the column."""
+    for part, rows in ((base, block.joints), (block.part, block.points)):
+        header = part.meaning.others.get("target")
+        if header is None:
+            continue
+        cells = part.sheet.cells(header)
+        labels = [cells[at] for at in rows]
+        if len(set(labels)) > 1:
+            return labels, [f"{part.sheet.path.name}: {header}: target, by its header"]
+        return None, [f"{part.sheet.path.name}: {header}: not taken, as it is the same in all rows"]
+    return None, []
 
 
 def _blocks(base: Part, parts: list[Part]) -> tuple[list[_Block], list[str]]:

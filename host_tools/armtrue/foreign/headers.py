@@ -14,7 +14,7 @@ from armtrue.foreign.sheets import Sheet, is_number, split_unit, to_float
 from armtrue.io.columns import UNITS
 
 _PLANNED = re.compile(r"goal|nominal|nom\b|soll|planned|desired|design", re.IGNORECASE)
-_SPREAD = re.compile(r"std|sigma|rms|uncert|deviation|dev\b|error", re.IGNORECASE)
+_SPREAD = re.compile(r"std|sigma|rms|uncert|^u95\b|deviation|dev\b|error", re.IGNORECASE)
 _READ_BACK = re.compile(r"act|meas|fb|feedback|readback|read_back|\bist\b", re.IGNORECASE)
 _JOINT = re.compile(
     r"(?:^|.*[_ .\-/])?(?:q|j|a|th|ax|joint|axis|axe|achse|gelenk|theta|jnt|robax|rax|joint_?pos|joint_?angle|"
@@ -76,7 +76,9 @@ _OWN_POSE = re.compile(r"(?:^|[_ .])(?:tcp|tool)[_ .]?pose(?:$|[_ .\d])", re.IGN
 _DEVIATION = re.compile(
     r"^(?:d|delta|Δ|δ|dev|diff|difference|deviation|err|error)[_ .]?[xyz]$", re.IGNORECASE
 )
-_DEVIATION_LENGTH = re.compile(r"^(?:mag|magnitude|d3d|3d|dist|distance)$", re.IGNORECASE)
+_DEVIATION_LENGTH = re.compile(
+    r"^(?:(?:d|delta|Δ|δ)?[_ .]?mag(?:nitude)?|d3d|3d|dist|distance)$", re.IGNORECASE
+)
 _KEYS = re.compile(
     r"^(?:point|pose|pos|nr|no|num|number|id|index|idx|name|label|row|#|punkt)[_ .]*(?:id|nr|no|name|number|#)?$",
     re.IGNORECASE,
@@ -156,7 +158,10 @@ def _take(found: Meaning, sheet: Sheet, name: str, word: str) -> None:
     own = (
         f"temp_{sensor}" if sensor else next((own for own, words in _WORDS.items() if words.search(word)), "")
     )
-    if own and own in found.others:
+    if own == "target" and 2 * len(set(sheet.cells(name))) > len(sheet.rows):
+        found.key = found.key or name
+        found.left[name] = "it names single points, which is used to match files"
+    elif own and own in found.others:
         found.left[name] = f"{own} is taken from {found.others[own]}"
     elif own:
         found.others[own] = name
@@ -229,6 +234,8 @@ def _take_as_variable(found: Meaning, sheet: Sheet, name: str, word: str) -> Non
         found.left[name] = "it looks like a joint, a point or an angle beside those that are taken"
     elif len(set(cells)) < 2:
         found.left[name] = "it is the same in all rows"
+    elif name.isdigit():
+        found.left[name] = "it has no name"
     elif not all(is_number(cell, sheet.decimal) for cell in cells):
         found.left[name] = "it holds more than numbers"
     elif own in found.variables:

@@ -26,7 +26,9 @@ from armtrue.foreign.column_units import codes_of_words, find_clock, find_geomet
 from armtrue.foreign.combine import long_table, write_long
 from armtrue.foreign.headers import meaning
 from armtrue.foreign.own_pose import leave_out_own_poses
+from armtrue.foreign.pairing import row_names
 from armtrue.foreign.parts import Part, point_axis
+from armtrue.foreign.polar import from_polar
 from armtrue.foreign.sheets import SEPARATORS, Sheet, read_sheet
 from armtrue.io import Dataset, Robot, load_data, load_model, load_robot
 from armtrue.io.catalogue import with_role
@@ -92,15 +94,19 @@ class _Init:
         self._out = out
         self._model = model
         self._guessed = Guessed()
-        joined = [join_date_and_time(read_sheet(file)) for file in files]
-        self._sheets = [sheet for sheet, _ in joined]
-        self._joins = [note for _, note in joined]
+        self._sheets: list[Sheet] = []
+        self._changes: list[list[str]] = []  # of each sheet, before its columns are read
+        for file in files:
+            joined, note = join_date_and_time(read_sheet(file))
+            sheet, more = from_polar(joined)
+            self._sheets.append(sheet)
+            self._changes.append([words for words in (sheet.note, note, more) if words])
 
     def run(self, urdf: Path | None, dh: Path | None, robot: Path | None, skip_bad: bool) -> Guessed:
         robot_texts, names, prismatic, motors = self._arm(urdf, dh, robot)
         parts = [Part(sheet, meaning(sheet, _names_in(sheet, names, motors))) for sheet in self._sheets]
-        for part, join in zip(parts, self._joins, strict=True):
-            part.notes += [join] if join else []
+        for part, changes in zip(parts, self._changes, strict=True):
+            part.notes += changes
             part.meaning.carry(len(names))
             _fit_to_arm(part, len(names), motors)
             if part.sheet.thousands:
@@ -113,6 +119,7 @@ class _Init:
             find_geometry_units(part, prismatic)
             find_clock(part)
         leave_out_own_poses(parts, self._arms(robot_texts, robot))
+        _leave_out_row_names(parts)
         for part in parts:
             find_units(part)
             self._guessed.notes += [f"{part.sheet.path.name}: {note}" for note in part.notes]
@@ -199,7 +206,11 @@ class _Init:
         alone = (
             len(parts) == 1 and len(part.meaning.points) == 1 and part.sheet.direct and part.meaning.joints
         )
-        return (_direct(part, self._out), None) if alone else self._joined(parts)
+        if not alone:
+            return self._joined(parts)
+        if header := part.meaning.others.get("target"):
+            self._guessed.notes.append(f"{part.sheet.path.name}: {header}: target, by its header")
+        return _direct(part, self._out), None
 
     def _joined(self, parts: list[Part]) -> tuple[dict[str, Any], str]:
         long, notes = long_table(parts)
@@ -348,6 +359,17 @@ def _fit_to_arm(part: Part, joint_count: int, motors: list[int]) -> None:
             if number and int(number[1]) > joint_count:
                 del columns[name]
                 found.left[header] = f"the arm has {joint_count} joints"
+
+
+def _leave_out_row_names(parts: list[Part]) -> None:
+    """Take the columns that name the rows of two files for that alone, and not as variables."""
+    for joints in (part for part in parts if part.meaning.joints):
+        for points in (part for part in parts if part is not joints and part.meaning.points):
+            for part, header in zip((joints, points), row_names(joints, points) or (), strict=False):
+                found = part.meaning
+                found.variables = {own: name for own, name in found.variables.items() if name != header}
+                if header != found.key:
+                    found.left[header] = "it names rows, which is used to match files"
 
 
 def _rename_taken(part: Part) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.foreign.parts import Part
+from armtrue.foreign.sheets import is_number
 
 Rows = NDArray[np.int64]
 
@@ -26,16 +27,47 @@ _RECORD = 10
 _MOST_DIFFERENCES = 20_000_000
 
 
-def match_rows(joints: Part, points: Part) -> tuple[Rows, Rows, str]:
-    """The matching rows of the two files, and how they were matched. Errors: InputError if they cannot be."""
+def row_names(joints: Part, points: Part) -> tuple[str, str] | None:
+    """The header in each of the two files under which rows are named alike; None where there is none.
+
+    Rows of points may share a name under a header such as `Point`: readings of one pose. Under any other header the
+    names must be unique in both files, and nearly all of the shorter file must be in the other.
+    """
     one, other = joints.meaning.key, points.meaning.key
     if one is not None and other is not None:
         own, foreign = joints.sheet.cells(one), points.sheet.cells(other)
         if len(set(own)) == len(own) and len(set(own) & set(foreign)) >= 0.5 * len(foreign):
-            place = {key: at for at, key in enumerate(own)}
-            pairs = [(place[key], at) for at, key in enumerate(foreign) if key in place]
-            left, right = zip(*pairs, strict=True)
-            return np.array(left), np.array(right), f"by {one} and {other}"
+            return one, other
+    rows = _unique(joints), _unique(points)
+    pairs = [(a, b) for a in rows[0] for b in rows[1] if _match(rows[0][a], rows[1][b])]
+    # Numbers may agree by chance: they count under the same header only.
+    alike = [(a, b) for a, b in pairs if a.casefold() == b.casefold()]
+    words = [(a, b) for a, b in pairs if not any(is_number(cell, ".") for cell in rows[0][a])]
+    return next(iter([*alike, *words]), None)
+
+
+def _unique(part: Part) -> dict[str, set[str]]:
+    """Cells of the columns with another value in every row, except joints, points, orientations and times."""
+    found = part.meaning
+    taken = {*found.joints.values(), *found.others.values()}
+    taken |= {name for sets in (found.points, found.rotations) for own in sets.values() for name in own}
+    columns = {name: set(part.sheet.cells(name)) for name in part.sheet.header if name not in taken}
+    return {name: cells for name, cells in columns.items() if len(cells) == len(part.sheet.rows)}
+
+
+def _match(one: set[str], other: set[str]) -> bool:
+    return len(one & other) >= _LEAST_SHARE * min(len(one), len(other))
+
+
+def match_rows(joints: Part, points: Part) -> tuple[Rows, Rows, str]:
+    """The matching rows of the two files, and how they were matched. Errors: InputError if they cannot be."""
+    names = row_names(joints, points)
+    if names is not None:
+        one, other = names
+        place = {key: at for at, key in enumerate(joints.sheet.cells(one))}
+        pairs = [(place[key], at) for at, key in enumerate(points.sheet.cells(other)) if key in place]
+        left, right = zip(*pairs, strict=True)
+        return np.array(left), np.array(right), f"by {one} and {other}"
     why = "one of them has no clock"
     if joints.clock is not None and points.clock is not None:
         dated = joints.clock.kind == points.clock.kind != "seconds"
@@ -47,7 +79,9 @@ def match_rows(joints: Part, points: Part) -> tuple[Rows, Rows, str]:
     if count != len(points.sheet.rows):
         raise InputError(
             f"{points.sheet.path}: found {len(points.sheet.rows)} rows where {joints.sheet.path} has {count}, expected "
-            f"as many, a column of pose numbers in both, or clocks that tell which rows belong together ({why})"
+            "as many, a column in both that names each row (Point, Name, Nr, ID, or any header that is the same in "
+            "both files, with a value in every row that no other row has), or clocks that tell which rows belong "
+            f"together ({why})"
         )
     rows = np.arange(count, dtype=np.int64)
     both = joints.clock is not None and points.clock is not None

@@ -5,10 +5,11 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from armtrue.errors import InputError
+from armtrue.io.columns import UNITS
 from armtrue.io.files import LARGEST_TEXT_BYTES, read_bytes
 
 SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", "|": "pipe"}
@@ -26,6 +27,13 @@ _UNIT = re.compile(
     r"[\[(<{]\s*([^\])>}]+?)\s*[\])>}]\s*$|/\s*([A-Za-z°µ]+)\s*$|"
     r"[_ ](mm|cm|um|µm|in|inch|rad|deg|degC|degF|K|ms|kg|lb|Nm)$"
 )
+# A cell with its unit behind the number: 12.345deg.
+_QUANTITY = re.compile(r"([-+]?[\d.,]*\d[.,]?(?:[eE][-+]?\d+)?)\s*([A-Za-z°µ]+)$")
+# A column has its unit in the cells if at least this share of them has.
+_MOST_CELLS = 0.9
+_UNIT_COMMENT = re.compile(r"\b(?:units?|einheit(?:en)?)\s*[:=]\s*(\S+)", re.IGNORECASE)
+# What SpatialAnalyzer writes of a point, by default without a header.
+_SPATIALANALYZER = ["Collection", "Group", "Target", "X", "Y", "Z"]
 # Units as dataset.yaml names them, and how files write them.
 _WRITTEN_AS = {
     "m": "m meter metre meters", "mm": "mm millimeter millimeters", "cm": "cm", "um": "um µm", "in": 'in inch inches "',
@@ -42,7 +50,9 @@ class Sheet:
     """One file's table: `header` names, `units` where the file states them, `rows` of cells, and how it is written.
 
     `numbers`: the file's line of each row. `direct`: True where a dataset.yaml can describe the file as it is.
-    `thousands`: True where marks between thousands were taken out of the cells.
+    `thousands`: True where marks between thousands were taken out of the cells. `sources`: header → what states its
+    unit, where that is not the header. `length_unit`: as a comment states it for the whole file. `note`: where the
+    header comes from, if that is not the line above the rows.
     """
 
     path: Path
@@ -56,6 +66,14 @@ class Sheet:
     header_row: int
     direct: bool
     thousands: bool = False
+    sources: dict[str, str] = field(default_factory=dict)
+    length_unit: str | None = None
+    note: str = ""
+
+    @property
+    def has_header(self) -> bool:
+        """False where columns have no names but their numbers."""
+        return self.header != _numbered(len(self.header))
 
     def cells(self, name: str) -> list[str]:
         """The cells of one column."""
@@ -69,7 +87,7 @@ def read_sheet(path: Path) -> Sheet:
         return _sheet(path, _workbook(path), list[int](), "", ".", "", direct=False)
     text, encoding = _text(path)
     lines = [(n, line) for n, line in enumerate(text.splitlines(), start=1) if line.strip()]
-    commented = any(line.lstrip().startswith(_COMMENTS) for _, line in lines)
+    comments = [(n, line.lstrip()) for n, line in lines if line.lstrip().startswith(_COMMENTS)]
     kept = [(n, line) for n, line in lines if not line.lstrip().startswith(_COMMENTS)]
     if not kept:
         raise InputError(f"{path}: found no rows, expected a table of measurements")
@@ -83,11 +101,23 @@ def read_sheet(path: Path) -> Sheet:
         ]
     if len(cells) != len(kept):
         raise InputError(f"{path}: found a line break within quotes, expected one row a line")
-    plain = _without_thousands(cells, separator)
+    bare, units = _without_units(cells)
+    plain = _without_thousands(bare, separator)
     decimal = _decimal(plain, separator)
-    direct = separator != " " and not commented and plain == cells
+    direct = separator != " " and not comments and plain == cells
     sheet = _sheet(path, plain, [n for n, _ in kept], separator, decimal, encoding, direct)
-    return replace(sheet, thousands=plain != cells)
+    if not sheet.has_header:
+        sheet = _named_by_comment(sheet, [(n, line) for n, line in comments if n < kept[0][0]])
+    if not sheet.has_header:
+        sheet = _as_spatialanalyzer(sheet)
+    in_cells = {sheet.header[at]: unit for at, unit in units.items()}
+    return replace(
+        sheet,
+        thousands=plain != bare,
+        units=sheet.units | in_cells,
+        sources=dict.fromkeys(in_cells, "as its cells say"),
+        length_unit=_length_unit([line for _, line in comments]),
+    )
 
 
 def is_number(cell: str, decimal: str) -> bool:
@@ -140,10 +170,41 @@ def _separator(lines: list[str]) -> str:
         cells = [cell.strip() for row in rows for cell in row if cell.strip()]
         numbers = sum(any(is_number(cell, decimal) for decimal in ".,") for cell in cells)
         numbers += sum(any(pattern.match(cell) for pattern in _THOUSANDS.values()) for cell in cells)
+        numbers += sum(_quantity(cell) is not None for cell in cells)
         # If commas are decimal marks, splitting at commas cuts numbers in two: the comma is the last choice.
         return (numbers / max(1, len(cells)), -len(SEPARATORS) if mark == "," else 0)
 
     return max([*SEPARATORS, " "], key=score)
+
+
+def _quantity(cell: str) -> tuple[str, str] | None:
+    """`("12.345", "deg")` for `12.345deg`; None where the cell is anything else."""
+    match = _QUANTITY.match(cell)
+    unit = unit_of(match[2]) if match else None
+    return (match[1], unit) if match and unit else None
+
+
+def _without_units(cells: list[list[str]]) -> tuple[list[list[str]], dict[int, str]]:
+    """`cells` without the units behind their numbers, and the unit of each column (by its place) that had some.
+
+    Rows of the first half may be titles, so the second half tells.
+    """
+    width = Counter(len(row) for row in cells).most_common(1)[0][0]
+    rows = [row for row in cells[len(cells) // 2 :] if len(row) == width]
+    units = {}
+    for at in range(width):
+        found = Counter(quantity[1] for row in rows if (quantity := _quantity(row[at])))
+        for unit, count in found.most_common(1):
+            if count >= _MOST_CELLS * len(rows):
+                units[at] = unit
+    if not units:
+        return cells, {}
+
+    def bare(at: int, cell: str) -> str:
+        quantity = _quantity(cell) if at in units else None
+        return quantity[0] if quantity and quantity[1] == units[at] else cell
+
+    return [[bare(at, cell) for at, cell in enumerate(row)] for row in cells], units
 
 
 def _without_thousands(cells: list[list[str]], separator: str) -> list[list[str]]:
@@ -183,15 +244,12 @@ def _sheet(
 ) -> Sheet:
     numbers = numbers or list(range(1, len(cells) + 1))
     width = Counter(len(row) for row in cells).most_common(1)[0][0]
-    shares = [sum(is_number(cell, decimal) for cell in row) / max(1, len(row)) for row in cells]
-    first = next(
-        (
-            at
-            for at, (row, share) in enumerate(zip(cells, shares, strict=True))
-            if len(row) == width and share >= 0.5
-        ),
-        None,
-    )
+    # Cells that hold numbers; rows of None are of another width than the table.
+    counts = [sum(is_number(cell, decimal) for cell in row) if len(row) == width else None for row in cells]
+    # Half of the cells, or of those that are numbers in most rows: many exports have more words than numbers.
+    usual = sorted(count for count in counts if count is not None)
+    least = max(1.0, 0.5 * usual[len(usual) // 2])
+    first = next((at for at, count in enumerate(counts) if count is not None and count >= least), None)
     if first is None:
         raise InputError(f"{path}: found no row of numbers, expected a table of measurements")
     header, units, header_row, plain = _header(path, cells[:first], numbers, width)
@@ -220,7 +278,7 @@ def _header(
     """
     wide = [at for at, row in enumerate(above) if len(row) >= width - 1]
     if not wide:
-        return [str(k) for k in range(1, width + 1)], {}, 0, True
+        return _numbered(width), {}, 0, True
     with_units = len(wide) > 1 and all(not cell or unit_of(cell) or cell == "-" for cell in above[wide[-1]])
     at = wide[-2] if with_units else wide[-1]
     header = _filled(above[at], width)
@@ -234,6 +292,52 @@ def _header(
     units = {name: unit for name, unit in zip(header, stated, strict=False) if unit}
     units |= {name: unit for name in header if (unit := split_unit(name)[1]) and name not in units}
     return header, units, numbers[at], plain
+
+
+def _numbered(width: int) -> list[str]:
+    """Names of columns that have none."""
+    return [str(k) for k in range(1, width + 1)]
+
+
+def _named_by_comment(sheet: Sheet, comments: list[tuple[int, str]]) -> Sheet:
+    """`sheet` with the names of the last of `comments` (line, text) above it that has one for each column."""
+    for number, line in reversed(comments):
+        text = line.lstrip("".join(_COMMENTS))
+        names = text.split() if sheet.separator == " " else text.split(sheet.separator)
+        names = [name.strip().strip('"') for name in names]
+        words = [name for name in names if name and not is_number(name, sheet.decimal)]
+        if len(names) == len(set(words)) == len(sheet.header):
+            units = {name: unit for name in names if (unit := split_unit(name)[1])}
+            note = f"the header is read from a comment, line {number}"
+            return replace(sheet, header=names, units=units, header_row=number, direct=False, note=note)
+    return sheet
+
+
+def _as_spatialanalyzer(sheet: Sheet) -> Sheet:
+    """`sheet` under the names of SpatialAnalyzer's points, if its first columns can be nothing else.
+
+    These are two of words, a name or whole number, and three of numbers.
+    """
+    if sheet.separator == " " or len(sheet.header) < len(_SPATIALANALYZER):
+        return sheet
+    columns = [sheet.cells(name) for name in sheet.header[: len(_SPATIALANALYZER)]]
+    is_figure = [[is_number(cell, sheet.decimal) for cell in cells] for cells in columns]
+    whole = all(cell.isdigit() or not is_number(cell, sheet.decimal) for cell in columns[2])
+    if any(map(any, is_figure[:2])) or not whole or not all(map(all, is_figure[3:])):
+        return sheet
+    header = [*_SPATIALANALYZER, *sheet.header[len(_SPATIALANALYZER) :]]
+    note = f"no header: columns are taken as {', '.join(_SPATIALANALYZER)}, which is how SpatialAnalyzer writes points"
+    return replace(sheet, header=header, direct=False, note=note)
+
+
+def _length_unit(comments: list[str]) -> str | None:
+    """The unit of length that one of the comments states: `Units: Millimeters`."""
+    for line in comments:
+        match = _UNIT_COMMENT.search(line)
+        unit = unit_of(match[1].rstrip(",;.")) if match else None
+        if unit and UNITS[unit][0] == "length":
+            return unit
+    return None
 
 
 def _filled(row: list[str], width: int) -> list[str]:

@@ -1,0 +1,93 @@
+"""Polar readings of trackers (azimuth, elevation or zenith angle, distance) converted to points."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from armtrue.arrays import Array
+from armtrue.foreign.headers import meaning
+from armtrue.foreign.sheets import Sheet, is_number, split_unit, to_float
+from armtrue.io.columns import POSITION, UNITS
+
+_AZIMUTH = re.compile(r"az(?:imuth|imut)?(?:[_ ]?angle)?$", re.IGNORECASE)
+_ELEVATION = re.compile(r"el(?:ev|evation)?(?:[_ ]?angle)?$", re.IGNORECASE)
+_ZENITH = re.compile(r"zen(?:ith)?(?:[_ ]?angle)?$", re.IGNORECASE)
+_DISTANCE = re.compile(r"(?:d|dist(?:ance)?|range|radius)$", re.IGNORECASE)
+# Circles whose sense and zero differ from instrument to instrument.
+_CIRCLE = re.compile(r"(?:hz|v|horizontal|vertical)(?:[_ ]?(?:angle|circle))?$", re.IGNORECASE)
+# Without a unit, lengths above this many metres are millimetres.
+_FARTHEST_M = 100.0
+
+
+def from_polar(sheet: Sheet) -> tuple[Sheet, str | None]:
+    """`sheet` with x, y, z [m] in place of its polar readings, and a note; unchanged (None) where it has none.
+
+    Azimuth counts from x towards y, elevation up from the xy plane, the zenith angle down from z.
+    """
+    found = _polar(sheet)
+    if found is None or meaning(sheet, []).points:
+        return sheet, None
+    around, up, far = found
+    columns = [sheet.cells(name) for name in found]
+    if not all(is_number(cell, sheet.decimal) for cells in columns for cell in cells):
+        return sheet, None
+    azimuth, second = (_in_si(sheet, name, "rad", "deg", 2.0 * math.pi) for name in (around, up))
+    distance = _in_si(sheet, far, "m", "mm", _FARTHEST_M)
+    elevation = math.pi / 2.0 - second if _ZENITH.match(split_unit(up)[0]) else second
+    level = distance * np.cos(elevation)
+    points = level * np.cos(azimuth), level * np.sin(azimuth), distance * np.sin(elevation)
+    kept = [at for at, name in enumerate(sheet.header) if name not in found]
+    rows = [
+        [*(row[at] for at in kept), *(f"{value:.12g}".replace(".", sheet.decimal) for value in point)]
+        for row, point in zip(sheet.rows, zip(*points, strict=True), strict=True)
+    ]
+    units = {name: unit for name, unit in sheet.units.items() if name not in found}
+    polar = replace(
+        sheet,
+        header=[*(sheet.header[at] for at in kept), *POSITION],
+        rows=rows,
+        units=units | dict.fromkeys(POSITION, "m"),
+        sources=sheet.sources | dict.fromkeys(POSITION, "as converted"),
+        direct=False,
+    )
+    angle = (
+        "zenith angle down from z" if _ZENITH.match(split_unit(up)[0]) else "elevation up from the xy plane"
+    )
+    return polar, (
+        f"{around}, {up}, {far}: polar readings are converted to x, y, z (azimuth from x towards y, {angle}); if that "
+        "is not how the instrument counts, export the points as Cartesian x, y, z"
+    )
+
+
+def polar_headers(sheet: Sheet) -> list[str]:
+    """Headers of columns that may be polar readings, two or more; empty where there are fewer."""
+    patterns = (_AZIMUTH, _ELEVATION, _ZENITH, _CIRCLE, _DISTANCE)
+    found = [name for name in sheet.header if any(p.match(split_unit(name)[0]) for p in patterns)]
+    return found if len(found) > 1 else []
+
+
+def _polar(sheet: Sheet) -> list[str] | None:
+    """Headers of azimuth, elevation or zenith angle, and distance; None where one is missing or has another unit."""
+    found = []
+    for patterns, kind in (
+        ((_AZIMUTH,), "angle"),
+        ((_ELEVATION, _ZENITH), "angle"),
+        ((_DISTANCE,), "length"),
+    ):
+        names = [name for name in sheet.header if any(p.match(split_unit(name)[0]) for p in patterns)]
+        unit = sheet.units.get(names[0]) if names else None
+        if len(names) != 1 or (unit is not None and UNITS[unit][0] != kind):
+            return None
+        found += names
+    return found
+
+
+def _in_si(sheet: Sheet, name: str, small: str, large: str, limit: float) -> Array:
+    """One column in SI units: as stated, else in `small` if no value is above `limit`, else in `large`."""
+    values = np.array([to_float(cell, sheet.decimal) for cell in sheet.cells(name)])
+    unit = sheet.units.get(name) or (large if np.abs(values).max() > limit else small)
+    return np.asarray(values * UNITS[unit][1])
