@@ -8,7 +8,7 @@ import statistics
 from collections.abc import Mapping
 from typing import Any
 
-from armtrue.units import value_and_sigma
+from armtrue.units import plural, value_and_sigma
 
 # Options with lists of numbers: words before, factor from SI units, words after. They are part of a label.
 _LISTS = {
@@ -121,7 +121,7 @@ def parameter_lines(parameters: list[dict[str, Any]]) -> list[str]:
         high, _, high_unit = value_and_sigma(max(values), None, nodes[0]["unit"])
         spread, _, spread_unit = value_and_sigma(typical, None, nodes[0]["unit"])
         lines.append(
-            f"{stem}: {len(nodes)} nodes from {low} {unit} to {high} {high_unit}, typically ± {spread} "
+            f"{stem}: {plural(len(nodes), 'node')} from {low} {unit} to {high} {high_unit}, typically ± {spread} "
             f"{spread_unit}; a fit chooses its own nodes"
         )
     return lines

@@ -13,6 +13,7 @@ from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, fingerprint
 from armtrue.io import Dataset
+from armtrue.units import plural
 from armtrue.verdicts import ERROR_FIGURES, scored_mean_um
 
 _WORST_ROWS = 10
@@ -54,14 +55,16 @@ class Comparison:
         count, fitted = figures["error"]["n"], figures["rows_fitted"]
         found = []
         if self.all_fitted:
+            all_rows = "the only row is" if count == 1 else f"all {count} rows are"
             found.append(
-                f"all {count} rows are among those that were fitted, and a fit follows its own rows whatever the arm "
-                "does: compare it with poses measured anew"
+                f"{all_rows} among those that were fitted, and a fit follows its own rows whatever the arm does: "
+                "compare it with poses measured anew"
             )
         elif fitted:
-            found.append(f"{fitted} of {count + fitted} rows were fitted and are left out of what follows")
+            are = "was fitted and is" if fitted == 1 else "were fitted and are"
+            found.append(f"{fitted} of {count + fitted} rows {are} left out of what follows")
         found += [
-            f"error on {count} rows: {error_words(figures['error'])}",
+            f"error on {plural(count, 'row')}: {error_words(figures['error'])}",
             f"expected from poses held out of the fit{_WAYS[figures['expected_by']]}: "
             f"{figures['expected_mean_um']:.1f} µm, by chance up to {figures['limit_um']:.1f} µm",
         ]

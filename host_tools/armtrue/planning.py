@@ -24,6 +24,7 @@ from armtrue.io import Model, Robot
 from armtrue.io.dataset import with_joints_mapped
 from armtrue.io.files import csv_text
 from armtrue.progress import Progress
+from armtrue.units import plural
 from armtrue.verdicts import of_other_sensors
 
 # ΔBIC that settles a question: "very strong" evidence (Kass and Raftery 1995).
@@ -88,7 +89,7 @@ class Plan:
 
     def __repr__(self) -> str:
         sentences = [*self.decisions(), *filter(None, [self.precision()])]
-        return "\n".join([f"{self.count} poses of {', '.join(self.columns)}", *sentences])
+        return "\n".join([f"{plural(self.count, 'pose')} of {', '.join(self.columns)}", *sentences])
 
     @property
     def count(self) -> int:
@@ -109,7 +110,7 @@ class Plan:
                 likely, share = known["truth"], _percent(known["delta_bic_now"])
                 sentences.append(
                     f"Of {likely} and {known['rival']} the measurements are for {likely} already: should the arm have "
-                    f"one of the two, it is this one with {share}, which these {self.count} poses would hardly change; "
+                    f"one of the two, it is this one with {share}, which {self._these().lower()} would hardly change; "
                     "whether it has either, armtrue diagnose says."
                 )
                 continue
@@ -117,9 +118,10 @@ class Plan:
             if worst > -HARDLY:
                 sentences.append(self._cannot_decide(pair, worst, random))
                 continue
-            settles = "decide" if worst <= -SETTLED else "help to decide"
+            s = "s" if self.count == 1 else ""
+            settles = f"decide{s}" if worst <= -SETTLED else f"help{s} to decide"
             sentences.append(
-                f"These {self.count} poses {settles} {pair}: whichever is the cause is expected to reach a probability "
+                f"{self._these()} {settles} {pair}: whichever is the cause is expected to reach a probability "
                 f"of {_percent(worst)}, with as many random poses {_percent(random)}."
             )
         return sentences
@@ -137,9 +139,12 @@ class Plan:
                 "What may tell and is not varied in them: " + ", ".join([*lacking, "another station"]) + "."
             )
         return (
-            f"These {self.count} poses cannot decide {pair}: whichever is the cause is expected to reach a probability "
+            f"{self._these()} cannot decide {pair}: whichever is the cause is expected to reach a probability "
             f"of {_percent(worst)}, with as many random poses {_percent(random)}. {what_else}"
         )
+
+    def _these(self) -> str:
+        return "This pose" if self.count == 1 else f"These {self.count} poses"
 
     def precision(self) -> str | None:
         """A sentence on how many random poses would predict as well; None for a plan that tells effects apart."""
@@ -150,8 +155,10 @@ class Plan:
             return (
                 "As many random poses hardly tell the unknowns: no number of them compares with these poses."
             )
-        planned = f"{self.count} planned pose{'' if self.count == 1 else 's'}"
-        return f"{planned} give the precision of {ratio * self.count:.0f} random ones."
+        planned = plural(self.count, "planned pose")
+        give = "gives" if self.count == 1 else "give"
+        random = round(ratio * self.count)
+        return f"{planned} {give} the precision of {plural(random, 'random one')}."
 
     def csv(self) -> str:
         """The poses as a file to run, with ten decimals, and a column `target` where reflectors have names."""

@@ -13,6 +13,7 @@ import numpy as np
 from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.io.catalogue import EffectInfo
+from armtrue.units import plural
 
 _POINTS = 33
 _BARS = "▁▂▃▄▅▆▇█"
@@ -136,11 +137,11 @@ def formula_lines(document: dict[str, Any]) -> list[str]:
     lines = []
     for coordinate, sums in list(by_coordinate.items())[:_SHOWN]:
         # The number of nodes of a table depends on the poses that it is fitted to.
-        count = "a term for each node" if coordinate in tables else f"{len(sums)} terms"
+        count = "a term for each node" if coordinate in tables else plural(len(sums), "term")
         more = f" + … ({count})" if len(sums) > _SHOWN else ""
         lines.append(f"{coordinate} += {' + '.join(sums[:_SHOWN])}{more}".replace(" + -", " - "))
     if len(by_coordinate) > _SHOWN:
-        lines.append(f"… and {len(by_coordinate) - _SHOWN} more coordinates")
+        lines.append(f"… and {plural(len(by_coordinate) - _SHOWN, 'more coordinate')}")
     lines += [
         f"{p['name']} found from the data: {p['lower']:.4g} to {p['upper']:.4g} {p['unit']}".rstrip()
         for p in document["nonlinear"]

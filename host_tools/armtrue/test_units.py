@@ -1,6 +1,6 @@
 import pytest
 
-from armtrue.units import figure, for_people, value_and_sigma
+from armtrue.units import figure, for_people, plural, value_and_sigma
 
 
 @pytest.mark.parametrize(
@@ -55,3 +55,17 @@ def test_figure_uses_an_exponent_only_for_large_numbers():
     assert figure(123456.0) == "123456"
     assert figure(1.2e9) == "1.200e+09"
     assert figure(0.0) == "0"
+
+
+@pytest.mark.parametrize(
+    ("count", "words", "shown"),
+    [
+        (1, ("row",), "1 row"),
+        (0, ("row",), "0 rows"),
+        (2, ("more row",), "2 more rows"),
+        (1, ("axis", "axes"), "1 axis"),
+        (3, ("axis", "axes"), "3 axes"),
+    ],
+)
+def test_count_has_its_word_in_singular_or_plural(count, words, shown):
+    assert plural(count, *words) == shown

@@ -62,3 +62,8 @@ def value_and_sigma(value: float, sigma: float | None, unit: str) -> tuple[str, 
         digits = max(1, 1 + math.floor(math.log10(largest / spread)))
         return f"{value / factor:.{digits}e}", f"{spread / factor:.1e}", name
     return f"{value / factor:.{decimals}f}", f"{spread / factor:.{decimals}f}", name
+
+
+def plural(count: int, word: str, many: str = "") -> str:
+    """`1 row`, `2 rows`; `many`: the plural of a word that does not take an s."""
+    return f"{count} {word if count == 1 else many or word + 's'}"

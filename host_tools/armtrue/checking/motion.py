@@ -13,6 +13,7 @@ from armtrue.checking.scatter.repeats import joint_keys, pose_of_row, scatter_m,
 from armtrue.checking.scatter.rounding import position_step_m
 from armtrue.io.dataset import Dataset
 from armtrue.io.robot import Robot
+from armtrue.units import plural
 
 _STILL_RAD = 1e-4
 _NARROW_RAD = math.radians(20.0)
@@ -135,10 +136,12 @@ def _repeats(data: Dataset) -> Iterator[Finding]:
         yield from _repeats_that_differ(data)
     elif again.any():
         scatter = _scatter(data, pose, again)
+        count = int((sizes > 1).sum())
+        several = f"{plural(count, 'pose')} {'is' if count == 1 else 'are'}"
         yield Finding(
             "repeated_poses",
             "note",
-            f"{int((sizes > 1).sum())} poses are measured more than once{scatter}, and no column 'repeat' says so",
+            f"{several} measured more than once{scatter}, and no column 'repeat' says so",
             {"rows": data.rows[again].tolist()},
             "Add a column 'repeat' with the same id for the same pose: repeats tell the noise floor.",
         )

@@ -23,6 +23,7 @@ from armtrue.io.columns import POSITION
 from armtrue.io.dataset import Dataset
 from armtrue.io.robot import Robot
 from armtrue.tables.chain import flanges, pose
+from armtrue.units import plural
 
 Mask = NDArray[np.bool_]
 CODES = ("rows_shifted", "reflectors_exchanged")
@@ -255,10 +256,10 @@ def _shifts(data: Dataset, placed: _Placed) -> Iterator[tuple[Finding, Mask]]:
 def _shift(data: Dataset, placed: _Placed, lag: int, inside: Mask, where: str) -> Finding:
     """`where`: its rows in words."""
     first, last = (int(row) for row in data.rows[inside][[0, -1]])
-    far = f"{abs(lag)} rows further {'down' if lag > 0 else 'up'}"
+    far = f"{plural(abs(lag), 'row')} further {'down' if lag > 0 else 'up'}"
     whose = {1: "of the next row", -1: "of the row before"}.get(lag, far)
     figures = _figures(placed.own[inside], placed.shifted[lag][inside])
-    by = f"{abs(lag)} row{'s' if abs(lag) > 1 else ''}"
+    by = plural(abs(lag), "row")
     if lag > 0:
         cause = "as where the tracker lost a reading and the next ones moved up"
         remedy = (

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from armtrue.notebook import html_table
+from armtrue.units import plural
 
 Severity = Literal["error", "warning", "note"]
 _ORDER: dict[Severity, int] = {"error": 0, "warning": 1, "note": 2}
@@ -42,7 +43,7 @@ class CheckReport:
     def summary(self) -> str:
         """One sentence that counts the findings."""
         counts = {severity: sum(f.severity == severity for f in self.findings) for severity in _ORDER}
-        words = [f"{count} {severity}{'' if count == 1 else 's'}" for severity, count in counts.items()]
+        words = [plural(count, severity) for severity, count in counts.items()]
         return ", ".join(words)
 
     def document(self) -> dict[str, Any]:

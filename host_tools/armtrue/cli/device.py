@@ -47,6 +47,7 @@ from armtrue.device.sdo import SdoClient
 from armtrue.device.upload import Step, upload_image
 from armtrue.errors import InputError
 from armtrue.io.files import write_file
+from armtrue.units import plural
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -162,7 +163,8 @@ def _describe(status: Status) -> list[str]:
     return [
         f"device      {status.text('Manufacturer device name')} {status.text('Manufacturer software version')}, "
         f"serial number {status['Identity object.Serial number']}",
-        f"robot       {status.text('Robot serial') or '(not bound)'}, {status[f'{counters}.Joint count']} joints",
+        f"robot       {status.text('Robot serial') or '(not bound)'}, "
+        f"{plural(status[f'{counters}.Joint count'], 'joint')}",
         f"state       {name_of(COMPENSATOR_STATES, status[f'{counters}.State'])}, "
         f"mode {name_of(MODES, status[f'{control}.Mode'])}, "
         f"correction {'enabled' if status[f'{control}.Correction enable'] else 'disabled'}",
@@ -342,7 +344,7 @@ def commission(
             else f"{axis.moved:.0f}",
             ", ".join(map(str, axis.follows)) or "–",
             "–" if axis.slope is None else f"{axis.slope:.4f}",
-            "–" if axis.delay is None else f"{axis.delay} cycles",
+            "–" if axis.delay is None else plural(axis.delay, "cycle"),
         )
     output.table(table)
     for sentence in report.findings:
@@ -421,7 +423,7 @@ def monitor(
                 raise
             output.say("stopped")
     if recording is not None:
-        output.say(f"recorded: {record} ({recording.frames} frames)")
+        output.say(f"recorded: {record} ({plural(recording.frames, 'frame')})")
     if last is not None:
         output.figures(last.document())
 

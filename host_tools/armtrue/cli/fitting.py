@@ -31,6 +31,7 @@ from armtrue.io.catalogue import catalogue
 from armtrue.io.model import check_effect
 from armtrue.io.plausible import refuse_too_few_poses
 from armtrue.notebook import floor_sentence
+from armtrue.units import plural
 from armtrue.verdicts import ERROR_FIGURES, PARTS_OF_ERROR, error_words
 
 if TYPE_CHECKING:
@@ -244,7 +245,7 @@ def present_fit(result: Fit, output: Output, all_parameters: bool = False) -> No
             f"row {entry['row']} ({entry['residual_um'] / 1000:.2f} mm)" for entry in rejected[:10]
         )
         more = f" and {len(rejected) - 10} more" if len(rejected) > 10 else ""
-        output.title(f"{len(rejected)} gross errors kept out")
+        output.title(f"{plural(len(rejected), 'gross error')} kept out")
         output.say(f"  {rows}{more}")
     for title, key in (("What the data cannot tell", "unobservable"), ("Warnings", "warnings")):
         if document.get(key):

@@ -19,6 +19,7 @@ from armtrue.io import Robot, load_model, load_robot
 from armtrue.io.files import write_file
 from armtrue.io.model import check_effect
 from armtrue.planning import HARDLY, SETTLED, Ambiguity, Cell, Plan, Rival, argument_of, entry_of
+from armtrue.units import plural
 
 if TYPE_CHECKING:
     from armtrue.fitting import Fit
@@ -181,7 +182,7 @@ def plan(
 def present_plan(plan: Plan, output: Output) -> None:
     """Print the chosen poses and what they are expected to determine."""
     reflector = f" of reflector {plan.target}" if plan.target is not None else ""
-    output.say(f"{plan.count} poses{reflector}{_settings_words(plan)}")
+    output.say(f"{plural(plan.count, 'pose')}{reflector}{_settings_words(plan)}")
     if plan.separates:
         _present_separation(plan, output)
     else:
@@ -272,7 +273,7 @@ def _present_separation(plan: Plan, output: Output) -> None:
     for sentence in plan.decisions():
         output.say(spelled(sentence))
     table = plain_table(
-        "ΔBIC of the cause less the rival", "now", f"{plan.count} random poses", "these poses"
+        "ΔBIC of the cause less the rival", "now", plural(plan.count, "random pose"), "these poses"
     )
     for entry in figures["separations"]:
         table.add_row(
@@ -312,9 +313,9 @@ def outlook(separation: dict[str, Any]) -> str | None:
 
 def _present_campaign(plan: Plan, output: Output) -> None:
     figures, information = plan.figures, plan.figures["information"]
-    columns = {"now": "present", f"{plan.count} random poses": "random", "these poses": "planned"}
+    columns = {"now": "present", plural(plan.count, "random pose"): "random", "these poses": "planned"}
     shown = {header: information[key] for header, key in columns.items() if information[key]}
-    table = plain_table(f"{figures['unknowns']} unknowns", *shown)
+    table = plain_table(plural(figures["unknowns"], "unknown"), *shown)
     table.add_row(
         "error of predictions, RMS over the reach [µm]",
         *(f"{entry['prediction_rms_um']:.1f}" for entry in shown.values()),
@@ -335,7 +336,8 @@ def _present_campaign(plan: Plan, output: Output) -> None:
     output.items([f"{header}: {entry['weakest'][0]['words']}" for header, entry in shown.items()])
     if figures.get("same_numbers"):
         output.say(
-            f"{figures['same_numbers']} further parameters are another's number whatever the pose: held at nominal."
+            f"{plural(figures['same_numbers'], 'further parameter')} {'is' if figures['same_numbers'] == 1 else 'are'} "
+            "another's number whatever the pose: held at nominal."
         )
     if figures.get("weak"):
         output.title("What poses of this arm can hardly tell")

@@ -22,6 +22,7 @@ from armtrue.errors import InputError
 from armtrue.io import Dataset, Robot, load_data
 from armtrue.io.dataset import in_file_order
 from armtrue.io.files import csv_text, refuse_to_lose, write_file
+from armtrue.units import plural
 
 _COVARIANCES = {"cxx": (0, 0), "cxy": (0, 1), "cxz": (0, 2), "cyy": (1, 1), "cyz": (1, 2), "czz": (2, 2)}
 
@@ -82,7 +83,7 @@ def predict(
     if error is not None:
         output.say(f"error against the x, y, z of {wanted.file.name}: {comparing.error_words(error)}")
     if out.is_file():  # and no pipe, into which this line would go too
-        output.say(f"written: {out} ({', '.join(names)} of {wanted.count} rows)")
+        output.say(f"written: {out} ({', '.join(names)} of {plural(wanted.count, 'row')})")
 
 
 def compare(

@@ -16,6 +16,7 @@ from armtrue.errors import InputError
 from armtrue.io.files import csv_text, write_file
 from armtrue.tables import layout
 from armtrue.tables.compensate import Engine
+from armtrue.units import plural
 
 tables_app = typer.Typer(no_args_is_help=True, help="Look into table images.")
 
@@ -177,7 +178,7 @@ def compensate(
     cells = [[f"{value:.10f}" for value in row] for row in rows]
     write_file(out, csv_text([*columns, "tx", "ty", "tz"], cells))
     output.items(result.notes)
-    output.say(f"written: {out} ({len(result.joints)} poses)")
+    output.say(f"written: {out} ({plural(len(result.joints), 'pose')})")
     if leaving := result.limits_words():
         why = "neither table nor firmware knows them, and they are written as they are"
         print(f"armtrue: warning: {out}: {leaving}; {why}", file=sys.stderr)

@@ -268,7 +268,7 @@ def test_outlook_wording_follows_expected_delta_bic():
     assert "prefers B already (ΔBIC +196)" in against
 
 
-def decision(now: float, expected: tuple[float, float]) -> str:
+def decision(now: float, expected: tuple[float, float], poses: int = 8) -> str:
     pairs = (("A", "B", now, expected[0]), ("B", "A", -now, expected[1]))
     entries = [
         {
@@ -280,7 +280,7 @@ def decision(now: float, expected: tuple[float, float]) -> str:
         }
         for truth, rival, n, e in pairs
     ]
-    (sentence,) = Plan({"q1": np.zeros(8)}, {"separations": entries}).decisions()
+    (sentence,) = Plan({"q1": np.zeros(poses)}, {"separations": entries}).decisions()
     return sentence
 
 
@@ -297,6 +297,15 @@ def test_plan_states_whether_poses_or_existing_data_decide():
         "than 99.9 %, which these 8 poses would hardly change; whether it has either, armtrue diagnose says."
     )
     assert "with 99.3 %, which" in decision(-10.0, (-12.0, 8.0))
+
+
+def test_plan_of_one_pose_is_worded_in_the_singular():
+    assert decision(-2.0, (-30.0, -25.0), poses=1).startswith("This pose decides between A and B: whichever")
+    assert decision(-2.0, (-8.0, -4.0), poses=1).startswith("This pose helps to decide between A and B")
+    assert decision(-2.0, (-8.0, 4.0), poses=1).startswith("This pose cannot decide between A and B")
+    assert "which this pose would hardly change" in decision(-300.0, (-320.0, 280.0), poses=1)
+    plan = Plan({"q1": np.zeros(1)}, {"random_poses_per_planned": 1.2})
+    assert plan.precision() == "1 planned pose gives the precision of 1 random one."
 
 
 def test_candidates_are_read_in_diagnosis_and_in_shell_spelling():

@@ -10,6 +10,7 @@ from armtrue.device.compensator import NO_SLOT, STILL_MOVING, Compensator, Devic
 from armtrue.device.image import ImageInfo
 from armtrue.device.sdo import CommunicationError, SdoAbortError
 from armtrue.errors import InputError
+from armtrue.units import plural
 
 TRANSFER_ATTEMPTS = 3
 STAGING = (0x2010, 0)  # the object that a table is transferred into
@@ -52,7 +53,9 @@ def compare(image: ImageInfo, device: Status) -> None:
     if image.format_version > device["Table status.Format version read"]:
         refuse(f"table format {image.format_version}", str(device["Table status.Format version read"]))
     if image.joint_count != device["Compensator status.Joint count"]:
-        refuse(f"a table for {image.joint_count} joints", str(device["Compensator status.Joint count"]))
+        refuse(
+            f"a table for {plural(image.joint_count, 'joint')}", str(device["Compensator status.Joint count"])
+        )
     serial = device.text("Robot serial")
     if serial and image.robot_serial != serial:
         refuse(f"a table for robot '{image.robot_serial}'", f"robot '{serial}'")

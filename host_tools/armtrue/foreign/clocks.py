@@ -13,6 +13,7 @@ from armtrue.arrays import Array
 from armtrue.foreign.sheets import Sheet, is_number, to_float
 from armtrue.io.columns import UNITS
 from armtrue.io.layout import read_stamp
+from armtrue.units import plural
 
 # Origin of all clocks with a date, so that the clocks of several files can be compared.
 _BEGIN = datetime.datetime(2000, 1, 1)
@@ -202,9 +203,12 @@ def _chosen(stamps: dict[str, Array], patterns: list[str]) -> tuple[str, str]:
     days = {first: float(np.ptp(one)) / _DAY_S, second: float(np.ptp(other)) / _DAY_S}
     best, worse = sorted(stamps, key=lambda pattern: (back[pattern], days[pattern]))
     if back[best] < back[worse]:
-        why = f"the rows are then in order of time, which goes back {back[worse]} times with the other order"
+        why = f"the rows are then in order of time, which goes back {plural(back[worse], 'time')} with the other order"
         if back[best]:
-            why = f"the time then goes back {back[best]} times from row to row, with the other order {back[worse]}"
+            why = (
+                f"the time then goes back {plural(back[best], 'time')} from row to row, "
+                f"with the other order {back[worse]}"
+            )
     elif days[best] < days[worse]:
         why = f"the rows then last {days[best]:.3g} days, with the other order {days[worse]:.3g}"
     else:

@@ -35,6 +35,7 @@ from armtrue.io.catalogue import with_role
 from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS
 from armtrue.io.files import check_writable, read_text, refuse_to_lose, write_file
 from armtrue.io.model import EXPRESSION_WORDS
+from armtrue.units import plural
 
 _SAME_POSE = 1e-6
 _ROWS = 200
@@ -223,8 +224,11 @@ class _Init:
             np.column_stack([rounded, codes]), axis=0, return_inverse=True, return_counts=True
         )
         if counts.max() > 1 and "repeat" not in table:
+            again = len(rounded) - len(poses)
             table["repeat"] = which.reshape(-1).astype(np.float64)
-            self._guessed.notes.append(f"{len(rounded) - len(poses)} rows repeat a pose: column repeat")
+            self._guessed.notes.append(
+                f"{plural(again, 'row')} {'repeats' if again == 1 else 'repeat'} a pose: column repeat"
+            )
         variables = {name: name for part in parts for name in part.meaning.variables if name in table}
         entries: dict[str, Any] = {
             name: _entry(name, long.units.get(name)) for name in table if name not in variables
@@ -350,15 +354,15 @@ def _fit_to_arm(part: Part, joint_count: int, motors: list[int]) -> None:
         return
     if len(own) < joint_count:
         raise InputError(
-            f"{part.sheet.path} header: found {len(own)} joints ({', '.join(own)}), expected {joint_count}, as the arm "
-            "has (headers such as q1, J1, A1, joint_1, or the names of the arm's joints)"
+            f"{part.sheet.path} header: found {plural(len(own), 'joint')} ({', '.join(own)}), expected {joint_count}, "
+            "as the arm has (headers such as q1, J1, A1, joint_1, or the names of the arm's joints)"
         )
     for columns in (found.joints, found.others):
         for name, header in list(columns.items()):
             number = _NUMBER_OF_JOINT.fullmatch(name)
             if number and int(number[1]) > joint_count:
                 del columns[name]
-                found.left[header] = f"the arm has {joint_count} joints"
+                found.left[header] = f"the arm has {plural(joint_count, 'joint')}"
 
 
 def _leave_out_row_names(parts: list[Part]) -> None:

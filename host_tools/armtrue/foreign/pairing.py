@@ -11,6 +11,7 @@ from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.foreign.parts import Part
 from armtrue.foreign.sheets import is_number
+from armtrue.units import plural
 
 Rows = NDArray[np.int64]
 
@@ -78,10 +79,10 @@ def match_rows(joints: Part, points: Part) -> tuple[Rows, Rows, str]:
     count = len(joints.sheet.rows)
     if count != len(points.sheet.rows):
         raise InputError(
-            f"{points.sheet.path}: found {len(points.sheet.rows)} rows where {joints.sheet.path} has {count}, expected "
-            "as many, a column in both that names each row (Point, Name, Nr, ID, or any header that is the same in "
-            "both files, with a value in every row that no other row has), or clocks that tell which rows belong "
-            f"together ({why})"
+            f"{points.sheet.path}: found {plural(len(points.sheet.rows), 'row')} where {joints.sheet.path} has "
+            f"{count}, expected as many, a column in both that names each row (Point, Name, Nr, ID, or any header that "
+            "is the same in both files, with a value in every row that no other row has), or clocks that tell which "
+            f"rows belong together ({why})"
         )
     rows = np.arange(count, dtype=np.int64)
     both = joints.clock is not None and points.clock is not None

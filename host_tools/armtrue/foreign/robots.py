@@ -12,6 +12,7 @@ from typing import Any
 from armtrue.errors import InputError
 from armtrue.foreign.sheets import Sheet, is_number, read_sheet, split_unit, to_float
 from armtrue.io.urdf import parse_urdf
+from armtrue.units import plural
 
 WHERE_ARMS_ARE = (
     "robot descriptions stand in ur_description (UR), kuka_experimental and kuka_robot_descriptions (KUKA), abb_robot "
@@ -86,7 +87,7 @@ def urdf_arm(urdf: Path, out: Path, joint_counts: list[int]) -> UrdfArm:
     joints = [joint for joint in chains[tip] if joint.type != "fixed"]
     prismatic = {str(k) for k, joint in enumerate(joints, start=1) if joint.type == "prismatic"}
     kinematics = {"urdf": os.path.relpath(urdf.resolve(), out.resolve()), "base": base, "tip": tip}
-    words = f"{urdf.name}: {len(joints)} joints from {base} to {tip}"
+    words = f"{urdf.name}: {plural(len(joints), 'joint')} from {base} to {tip}"
     motors = [k for k, joint in enumerate(joints, start=1) if joint.mimic is None]
     if len(motors) < len(joints):
         mimics = [joint.name for joint in joints if joint.mimic is not None]

@@ -30,6 +30,7 @@ from armtrue.io.plausible import WrongUnitError, refuse_lost, refuse_wrong_units
 from armtrue.io.robot import Robot
 from armtrue.io.sensor_names import contract_name
 from armtrue.io.ways import directions, travels
+from armtrue.units import plural
 
 # Quaternions in files are rounded; numbers further from unit length than this are no quaternion.
 _QUATERNION_LENGTH_TOLERANCE = 1e-3
@@ -71,7 +72,7 @@ class Dataset:
     derived: frozenset[str] = frozenset()
 
     def __repr__(self) -> str:
-        return f"{self.file.name}: {self.count} measurements of {', '.join(self.columns)}"
+        return f"{self.file.name}: {plural(self.count, 'measurement')} of {', '.join(self.columns)}"
 
     @property
     def count(self) -> int:
@@ -346,8 +347,10 @@ def without_fixed_targets(data: Dataset) -> Dataset:
     names = data.labels["target"]
     labels = {**data.labels, "target": [names[code] for code in left]}
     words = ", ".join(f"'{names[code]}'" for code in fixed)
+    gone = int((~keep).sum())
+    are = "is" if gone == 1 else "are"
     note = (
-        f"{data.file.name}: target {words} does not move with the arm; its {int((~keep).sum())} rows are left out "
+        f"{data.file.name}: target {words} does not move with the arm; its {plural(gone, 'row')} {are} left out "
         "(armtrue check says whether it drifted)"
     )
     return replace(kept, columns=columns, labels=labels, notes=[*data.notes, note])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from armtrue.arrays import Array
 from armtrue.errors import InputError, RowError, did_you_mean, shorten
 from armtrue.io.files import reading
+from armtrue.units import plural
 
 # Rows held as text at a time; limits the memory, as text takes about ten times as much as its numbers.
 _ROWS_AT_A_TIME = 4096
@@ -204,7 +205,7 @@ class _Rows:
             if len(cells) != width:
                 raise RowError(
                     self._reader.line_num,
-                    f"{self._path} row {self._reader.line_num}: found {len(cells)} cells, "
+                    f"{self._path} row {self._reader.line_num}: found {plural(len(cells), 'cell')}, "
                     f"expected {width} as in the header",
                 )
             yield cells, self._reader.line_num

@@ -12,6 +12,7 @@ from armtrue.arrays import Array
 from armtrue.errors import InputError, RowError
 from armtrue.io.columns import POSITION
 from armtrue.io.robot import Robot
+from armtrue.units import plural
 
 # A revolute joint commanded further than this beyond its limits cannot be in radians.
 _BEYOND_LIMITS_RAD = 2.0 * math.pi
@@ -129,8 +130,7 @@ def too_few_poses(joints: Array) -> str | None:
     """Why poses `joints` (N, n) cannot determine base and tool (too few or too close together); None if they can."""
     different = len(np.unique(np.round(joints / _SAME_POSE), axis=0))
     if different < _FEWEST_POSES:
-        poses = "pose" if different == 1 else "poses"
-        return f"found {different} different {poses}, expected at least {_FEWEST_POSES}"
+        return f"found {plural(different, 'different pose')}, expected at least {_FEWEST_POSES}"
     widest = float(np.ptp(joints, axis=0).max())
     if widest < _LEAST_MOTION:
         return f"found no joint that moves more than {widest:.3g}, expected {_LEAST_MOTION} at least"

@@ -17,6 +17,7 @@ from armtrue.io.files import named_in
 from armtrue.io.sensor_names import contract_name, is_sensor
 from armtrue.io.urdf import LARGEST_LIMIT_RAD, read_urdf_chain
 from armtrue.io.yamlfile import Section, load_yaml
+from armtrue.units import plural
 
 STANDARD_GRAVITY = [0.0, 0.0, -9.81]
 LARGEST_LEAD_M = 2.0  # a pinion of 0.6 m; larger values are in millimetres
@@ -40,7 +41,7 @@ class Robot:
     gravity_stated: bool = field(default=True, compare=False)
 
     def __repr__(self) -> str:
-        return f"Robot {self.spec.get('name', '')}: {self.joint_count} joints"
+        return f"Robot {self.spec.get('name', '')}: {plural(self.joint_count, 'joint')}"
 
     @property
     def joints(self) -> list[dict[str, Any]]:
@@ -359,7 +360,7 @@ def _links(top: Section, joint_count: int) -> list[dict[str, Any]]:
     sections = top.sections("links", "a list of links, one a joint")
     if len(sections) != joint_count:
         raise InputError(
-            f"{top.place('links')}: found {len(sections)} links, expected {joint_count}, one a joint"
+            f"{top.place('links')}: found {plural(len(sections), 'link')}, expected {joint_count}, one a joint"
         )
     links = []
     for section in sections:

@@ -104,7 +104,7 @@ kinematics:
         ("  convention: mdh\n", "  convention: mdh\n  urdf: arm.urdf\n", "found beside 'urdf'"),
         ("kinematics:", "kinematcs:", "there is 'kinematcs'"),
         ("name: two\n", "name: two\nname: three\n", "the key 'name' a second time"),
-        ("name: two\n", "name: two\nlinks: [{mass: 1}]\n", "found 1 links, expected 2"),
+        ("name: two\n", "name: two\nlinks: [{mass: 1}]\n", "found 1 link, expected 2"),
         ("name: two\n", "name: two\nlinks: [{mass: 1}, {mass: -1}]\n", "links[2].mass: found -1"),
         ("name: two\n", "name: two\ngravity: [0, 0, 0]\n", "gravity"),
         (

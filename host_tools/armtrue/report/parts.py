@@ -97,11 +97,6 @@ def minus(text: str) -> str:
     return text.replace("-", "−")
 
 
-def plural(count: int, word: str) -> str:
-    """`1 row`, `2 rows`."""
-    return f"{count} {word}{'' if count == 1 else 's'}"
-
-
 def typeset(sentence: str) -> str:
     """A sentence of the diagnosis, which is plain ASCII, with its signs, units and figures as they are printed."""
     plain = with_signs(sentence).replace(" arcsec", "″")

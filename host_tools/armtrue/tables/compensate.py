@@ -206,7 +206,8 @@ def _too_few_axes(image: Image) -> str:
         return ""
     what = "the tool's position" if wanted == 3 else "the tool's position and attitude"
     axes = image.joint_count - len(image.chain().passive)
-    return f"the arm's {axes} axes set only {moved} of the {wanted} coordinates of {what}"
+    have = "axis sets" if axes == 1 else "axes set"
+    return f"the arm's {axes} {have} only {moved} of the {wanted} coordinates of {what}"
 
 
 def _double(

@@ -10,7 +10,7 @@ from armtrue.diagnosis import refine
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.io.model import check_effect
-from armtrue.report.parts import plural
+from armtrue.units import plural
 from armtrue.workbench.first_figures import FirstFigures, fit_to_some
 from armtrue.workbench.opening.dropped import LOOK_AT_GUESSES
 from armtrue.workbench.outputs import make

@@ -13,6 +13,7 @@ from typing import Any
 from armtrue.errors import InputError
 from armtrue.io import Robot, load_data
 from armtrue.progress import Progress
+from armtrue.units import plural
 from armtrue.workbench.actions import BESIDE_A_DIAGNOSIS, WORK, node_of
 from armtrue.workbench.allocator import give_back
 from armtrue.workbench.background import FAULT, Background, CancelledError, Task
@@ -155,7 +156,7 @@ class Engine:
         self._session, self.notes = session, opened.notes
         self._go_on(session.beside)
         self.title = str(opened.robot.spec.get("name", "robot"))
-        self.about = f"{opened.data.file.name}: {opened.data.count} measurements"
+        self.about = f"{opened.data.file.name}: {plural(opened.data.count, 'measurement')}"
 
     def _joined_since(self, session: Session, opened: Opened) -> list[Linked]:
         """`session` and those in which further measurements joined it, the latest last; their folders are locked."""

@@ -9,7 +9,7 @@ from rich.table import Table
 from armtrue import notebook
 from armtrue.cli.shared.bounds import outside_words
 from armtrue.cli.shared.output import Output, plain_table
-from armtrue.units import value_and_sigma
+from armtrue.units import plural, value_and_sigma
 
 # Tables can have hundreds of parameters; more than this are shown only when asked for.
 _SHOWN = 60
@@ -27,7 +27,7 @@ def present_parameters(document: dict[str, Any], output: Output, everything: boo
     parameters = notebook.beside_the_poses(document)
     told = [entry for entry in parameters if not entry.get("held")]
     held = len(parameters) - len(told)
-    output.title(f"{len(told)} parameters" + (f", and {held} held at nominal" if held else ""))
+    output.title(plural(len(told), "parameter") + (f", and {held} held at nominal" if held else ""))
     if not everything and len(told) > _SHOWN:
         by_effect: dict[str, int] = {}
         for entry in told:

@@ -9,6 +9,7 @@ import numpy as np
 from armtrue.cli.shared.output import Output, plain_table
 from armtrue.tables.image import Image
 from armtrue.tables.layout import Node, Section
+from armtrue.units import plural
 
 
 def _quoted(name: str) -> str:
@@ -54,11 +55,12 @@ def present(document: dict[str, Any], image: Image, output: Output, terms: bool)
     output.table(table)
     counts = document["counts"]
     output.say(
-        f"{counts['state_variables']} state variables, {counts['nodes']} nodes ({counts['nodes_once_a_cycle']} once a "
-        f"cycle), {counts['terms']} terms ({counts['terms_once_a_cycle']} once a cycle), "
-        f"{counts['harmonics']} harmonics, "
-        f"{counts['slow_waves']} slow waves, "
-        f"{counts['mass_sets']} mass sets"
+        f"{plural(counts['state_variables'], 'state variable')}, "
+        f"{plural(counts['nodes'], 'node')} ({counts['nodes_once_a_cycle']} once a "
+        f"cycle), {plural(counts['terms'], 'term')} ({counts['terms_once_a_cycle']} once a cycle), "
+        f"{plural(counts['harmonics'], 'harmonic')}, "
+        f"{plural(counts['slow_waves'], 'slow wave')}, "
+        f"{plural(counts['mass_sets'], 'mass set')}"
     )
     output.say(
         f"a control cycle takes at most {document['cycle_instructions']} instructions of "

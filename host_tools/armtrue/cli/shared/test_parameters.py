@@ -60,7 +60,14 @@ def test_nominal_that_rounds_to_zero_has_no_minus_sign():
     )
 
 
-@pytest.mark.parametrize(("held", "title"), [(1, "2 parameters, and 1 held at nominal"), (0, "3 parameters")])
+@pytest.mark.parametrize(
+    ("held", "title"),
+    [
+        (2, "1 parameter, and 2 held at nominal"),
+        (1, "2 parameters, and 1 held at nominal"),
+        (0, "3 parameters"),
+    ],
+)
 def test_title_counts_parameters_and_those_held_at_nominal(capsys, held, title):
     names = ("link_geometry[1].tx", "link_geometry[1].ty", "link_geometry[1].tz")
     entry = {"effect": "link_geometry", "value": 1e-3, "sigma": 1e-5, "unit": "m"}

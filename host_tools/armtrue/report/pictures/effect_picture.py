@@ -16,9 +16,10 @@ from armtrue.fitting import Fit, effect_terms
 from armtrue.io.rotation import matrix_about
 from armtrue.report.gathered.state import Variable, variables
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import fixed, plural
+from armtrue.report.parts import fixed
 from armtrue.report.pictures.arm import typical_pose
 from armtrue.tables.chain import Chain, chain_from_robot
+from armtrue.units import plural
 
 WIDTH, HEIGHT = 310, 240
 _TRACK = 40  # height below the picture for the scale of the variable that drives the effect

@@ -12,9 +12,10 @@ from armtrue import __version__
 from armtrue.report.content import Report
 from armtrue.report.gathered.state import joint_unit
 from armtrue.report.markup import Content, Markup, join, tag
-from armtrue.report.parts import ARCSECOND, figure, grid, lead, micrometres, minus, plural, section, table
+from armtrue.report.parts import ARCSECOND, figure, grid, lead, micrometres, minus, section, table
 from armtrue.report.pictures import charts
 from armtrue.tables.chain import pose
+from armtrue.units import plural
 
 _MOST_ROWS = 60
 _COVERAGE = (

@@ -24,13 +24,12 @@ from armtrue.report.parts import (
     lead,
     listed,
     minus,
-    plural,
     rounded,
     section,
     table,
 )
 from armtrue.report.pictures import charts
-from armtrue.units import value_and_sigma
+from armtrue.units import plural, value_and_sigma
 
 _PARAMETERS = (
     "Values of the last step with one standard deviation. Where robot.yaml has a nominal value, the value is the "

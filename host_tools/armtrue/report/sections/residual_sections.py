@@ -9,8 +9,9 @@ from armtrue.report.content import Report, View
 from armtrue.report.gathered.spectrum import Spectrum
 from armtrue.report.gathered.structure import Finding
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import figure, folded, grid, lead, plural, section, table, typeset
+from armtrue.report.parts import figure, folded, grid, lead, section, table, typeset
 from armtrue.report.pictures import arm, charts
+from armtrue.units import plural
 
 _VECTORS = (
     "Each arrow starts where the reflector was measured and points from the predicted to the measured position, much "

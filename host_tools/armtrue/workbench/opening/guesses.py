@@ -18,7 +18,8 @@ from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, UNITS, Column
 from armtrue.io.files import read_text
 from armtrue.io.layout import SEPARATORS
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import listed, plural
+from armtrue.report.parts import listed
+from armtrue.units import plural
 from armtrue.workbench.showing.elements import button
 
 Document = dict[str, Any]

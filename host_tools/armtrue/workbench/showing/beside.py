@@ -11,7 +11,8 @@ from armtrue.fitting import Fit, with_effects
 from armtrue.progress import Progress
 from armtrue.report.gathered.state import joint_unit
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import micrometres, minus, plural, table
+from armtrue.report.parts import micrometres, minus, table
+from armtrue.units import plural
 from armtrue.verdicts import chance
 from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.elements import button, card, number_of

@@ -11,7 +11,8 @@ from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Dataset
 from armtrue.report.markup import Markup, tag
-from armtrue.report.parts import micrometres, plural
+from armtrue.report.parts import micrometres
+from armtrue.units import plural
 from armtrue.workbench.session import Node
 from armtrue.workbench.showing.words import length
 

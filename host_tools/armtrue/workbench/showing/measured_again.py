@@ -20,6 +20,7 @@ from armtrue.io.files import csv_text, read_text, write_file
 from armtrue.progress import Progress
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import listed, micrometres
+from armtrue.units import plural
 from armtrue.workbench.opening.dropped import Drop, is_own, kind_of
 from armtrue.workbench.opening.opened import Opened
 from armtrue.workbench.showing.elements import button
@@ -152,7 +153,7 @@ def joined(fit: Fit, drop: Drop, progress: Progress) -> Opened:
     model = fit.document["model"]
     instrument = fit.document["options"].get("instrument")
     believed = Model(effects, model["parameters"], model["priors"], instrument)
-    note = f"{new.count} measurements of {new.file.name} joined {old.count} of {old.file.name}"
+    note = f"{plural(new.count, 'measurement')} of {new.file.name} joined {old.count} of {old.file.name}"
     made = fit_model(data, fit.robot, believed, progress=progress)
     return Opened(data, fit.robot, None, [made], [place], [note])
 

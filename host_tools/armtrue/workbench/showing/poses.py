@@ -11,8 +11,8 @@ from armtrue.fitting import Fit
 from armtrue.planning import plan
 from armtrue.progress import Progress
 from armtrue.report.markup import tag
-from armtrue.report.parts import plural
 from armtrue.report.pictures.effect_picture import arms_picture
+from armtrue.units import plural
 from armtrue.workbench.outputs import Made
 from armtrue.workbench.showing.further import Result
 

@@ -14,7 +14,8 @@ from armtrue.fitting import Fit
 from armtrue.io.catalogue import catalogue
 from armtrue.io.robot import Robot
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import ARCSECOND, listed, micrometres, plural, typeset
+from armtrue.report.parts import ARCSECOND, listed, micrometres, typeset
+from armtrue.units import plural
 from armtrue.verdicts import (
     ERROR_FIGURES,
     FLOOR_MOVES,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from armtrue.report.parts import minus, plural
+from armtrue.report.parts import minus
+from armtrue.units import plural
 from armtrue.verdicts import NOT_SCORED
 
 _SAME_PERCENT = 0.5
