@@ -231,7 +231,9 @@ UNIX_S = 1795939200.0  # a session's first row on a clock of seconds since 1970
 
 def warming() -> dict[str, Any]:
     """A fit of an arm that warms up over half an hour, measured for an hour by a clock of Unix seconds."""
-    fit = document([("link2.tx", "1 - exp(-time/1800)", -3e-3), ("motor2", "1 - exp(-time/1800)", 2e-3)])
+    fit = document(
+        [("link2.tx", "1 - exp(-max(time, 0)/1800)", -3e-3), ("motor2", "1 - exp(-max(time, 0)/1800)", 2e-3)]
+    )
     for parameter in fit["parameters"]:
         parameter["effect"] = "warm_up"
     fit["robot"]["temperature"] = {}
@@ -263,7 +265,10 @@ def test_time_of_poses_is_on_the_clock_of_the_fitted_measurements(tmp_path: Path
 
 @pytest.mark.parametrize("engine", list(Engine))
 def test_poses_before_the_first_fitted_row_are_taken_as_at_the_start(tmp_path: Path, engine: Engine) -> None:
-    result = at_times(tmp_path, [UNIX_S - 604800.0, UNIX_S - 3600.0, UNIX_S, UNIX_S + 60.0], engine)
+    times = [UNIX_S - 604800.0, UNIX_S - 3600.0, UNIX_S, UNIX_S + 60.0]
+    result = at_times(tmp_path, times, engine)
+    clock = {"time": np.array(times)}
+    assert off_by_the_fitter(warming(), result.joints, result.intended, clock).max() < 0.5
     assert np.abs(result.joints[:3] - BENT[:3]).max() < 1e-7
     assert result.notes == [
         "2 of 4 poses are up to 168.0 h before the first fitted measurement by time, on the clock of the fitted "
