@@ -170,6 +170,9 @@ class Compensator {
   // than kFeedbackHistory cycles old or has not run yet.
   std::int32_t correction_of(std::uint32_t cycle, std::size_t joint) const;
 
+  // Number of the cycle that cycle() computes next.
+  std::uint32_t next_cycle() const { return cycle_; }
+
   // Undoes the last cycle, whose output is not sent: the state is as if it had not run, except for
   // the counters of its events. Requests made since (another table, disable(), park() and the
   // others here) stay in effect. At most once per cycle.

@@ -9,10 +9,12 @@
 namespace armtrue::canopen {
 
 JointPath::JointPath(ObjectDictionary& dictionary, Compensator& compensator, Emcy& emcy,
-                     CanPort* downstream, std::uint8_t joint_count, std::uint64_t (*clock_us)())
+                     const CanPort& upstream, CanPort* downstream, std::uint8_t joint_count,
+                     std::uint64_t (*clock_us)())
     : dictionary_(dictionary),
       compensator_(compensator),
       emcy_(emcy),
+      upstream_(upstream),
       downstream_(downstream),
       clock_us_(clock_us),
       joint_count_(joint_count),
@@ -214,8 +216,19 @@ bool JointPath::is_kept_from_sync() const {
          !sets_.sync_in_use();
 }
 
+// Whether so few commands wait in the drives' port that the next cycle may be computed.
+bool JointPath::may_compute() {
+  const CanPort* port = mode_ == Mode::kInline ? downstream_ : &upstream_;
+  return port == nullptr || backlog_.admits(compensator_.next_cycle(), port->commands());
+}
+
 bool JointPath::compute(std::uint64_t now_us) {
   if (phase_ == Phase::kLeaving || is_kept_from_sync()) return false;  // kLeaving: fade() does it
+  if (!may_compute()) {
+    is_refused_ = true;
+    count(counters_.output_refused);
+    return false;
+  }
   const std::uint64_t begin_us = clock_us_();
   take_back_unsent();
   read_targets(now_us);
@@ -467,7 +480,7 @@ bool JointPath::fade(std::uint64_t now_us) {
   const bool is_due = phase_ != Phase::kUnknown && is_ours && is_allowed &&
                       sets_.progress() != SetProgress::kComputed && compensator_.is_fading() &&
                       now_us - last_step_us_ >= compensator_.cycle_us();
-  if (!is_due) return false;
+  if (!is_due || !may_compute()) return false;
   take_back_unsent();
   read_surroundings(now_us);
   // Inline, a fade sends nothing: a drive that follows keeps its last corrected target, and that

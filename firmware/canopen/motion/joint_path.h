@@ -33,6 +33,7 @@
 #include "firmware/canopen/motion/sensor_inputs.h"
 #include "firmware/canopen/motion/set_assembler.h"
 #include "firmware/canopen/protocol/can_port.h"
+#include "firmware/canopen/protocol/command_backlog.h"
 #include "firmware/canopen/protocol/emcy.h"
 #include "firmware/canopen/protocol/object_dictionary.h"
 #include "firmware/canopen/protocol/pdo.h"
@@ -82,7 +83,9 @@ struct JointCounters {
   std::uint32_t repeated = 0;   // frames dropped because the set had them already
   std::uint32_t malformed = 0;  // PDOs shorter than their mapping
   std::uint32_t conflicts = 0;  // targets that contradict others of the same SYNC interval
-  std::uint32_t output_refused = 0;  // frames with targets or offsets that the drives' bus refused
+  // Frames with targets or offsets that the drives' bus refused, and sets that were not computed
+  // because the commands of too many cycles waited there.
+  std::uint32_t output_refused = 0;
   std::uint32_t worst_cycle_us = 0;
   std::uint32_t suspended = 0;
   std::uint32_t resumed = 0;
@@ -91,9 +94,11 @@ struct JointCounters {
 
 class JointPath {
  public:
-  // `downstream`: port for inline output; nullptr with one bus, where inline mode is refused.
-  JointPath(ObjectDictionary& dictionary, Compensator& compensator, Emcy& emcy, CanPort* downstream,
-            std::uint8_t joint_count, std::uint64_t (*clock_us)());
+  // `upstream`: port on which the node sends offsets. `downstream`: port for inline output; nullptr
+  // with one bus, where inline mode is refused.
+  JointPath(ObjectDictionary& dictionary, Compensator& compensator, Emcy& emcy,
+            const CanPort& upstream, CanPort* downstream, std::uint8_t joint_count,
+            std::uint64_t (*clock_us)());
 
   // Decides from the mappings which RPDOs form a set. Drops a set that has not gone out.
   void configure(const PdoTable& pdos);
@@ -224,6 +229,7 @@ class JointPath {
   bool release(std::uint64_t now_us);
   void note_set_out(std::uint64_t now_us);
   std::size_t send_set();
+  bool may_compute();
   bool may_send();
   bool is_kept_from_sync() const;
   void publish();
@@ -248,6 +254,7 @@ class JointPath {
   ObjectDictionary& dictionary_;
   Compensator& compensator_;
   Emcy& emcy_;
+  const CanPort& upstream_;
   CanPort* downstream_;
   std::uint64_t (*clock_us_)();
   std::uint8_t joint_count_;
@@ -283,6 +290,7 @@ class JointPath {
   // The drives' bus discarded outputs. Until one has left again, sets go out one at a time, so that
   // a bus that comes back gets no burst of them.
   bool is_held_up_ = false;
+  CommandBacklog backlog_;
   std::optional<std::uint32_t> tried_at_;  // commands accepted with the one that was tried
   bool is_offset_set_ = false;  // the last set is in the offsets; note_offsets() is to follow
   std::uint8_t unsent_ = 0;     // bit k: the last output of joint k has not reached its drive

@@ -247,6 +247,43 @@ TEST_P(OutputsTest, BusTakesNoFrames_GoesOnFromWhatTheDrivesHold) {
   EXPECT_GT(farthest(stand, kStand), 30'000);
 }
 
+// In short cycles more sets would wait than the compensator remembers corrections of.
+TEST_P(OutputsTest, BusTakesNoFramesInShortCycles_GoesOnFromWhatTheDrivesHold) {
+  for (const std::uint32_t cycle_us : {500U, 250U, 100U}) {
+    SCOPED_TRACE(cycle_us);
+    bench.cycle_us = cycle_us;
+    restart();
+    target = kStand;
+    const auto run = [&](std::uint32_t duration_us) {
+      std::int32_t most = 0;
+      for (std::uint32_t at_us = 0; at_us < duration_us; at_us += cycle_us) {
+        const Joints before = stand;
+        bench.now_us += cycle_us;
+        bench.turn();
+        bench.sync();
+        bench.command_joints(kStand);
+        take_output();
+        most = std::max(most, farthest(before, stand));
+      }
+      return most;
+    };
+    const std::int32_t rate = kRate * static_cast<std::int32_t>(cycle_us) / 1000 + 2;
+    run(60'000);
+    SimulatedPort& port = offset_ ? bench.upstream : bench.downstream;
+    for (const std::uint32_t outage_us : {4'000U, 13'000U, 25'000U}) {
+      port.set_acknowledged(false);
+      run(outage_us);
+      const Joints before = stand;
+      port.set_acknowledged(true);
+      bench.turn();
+      take_output();
+      EXPECT_LE(farthest(before, stand), 15 * rate) << "as many sets as may wait";
+      EXPECT_LE(run(10'000), rate) << outage_us;
+    }
+    bench.run_for(600'000);
+  }
+}
+
 TEST_P(InlineOutputsTest, BusTakesNoFrames_IsReportedAsRefused) {
   settle_far();
   ASSERT_EQ(bench.read(0x1001, 0), 0U);

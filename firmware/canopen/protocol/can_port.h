@@ -61,7 +61,8 @@ struct Command {
   std::uint8_t cycle = 0;
 };
 
-// Outputs that ports discarded: for each axis in `axes`, the cycle of the oldest one.
+// Outputs that ports discarded: for each axis in `axes`, the cycle of the oldest one. Their cycles
+// are few enough to compare modulo 256: see CommandBacklog.
 struct Discarded {
   std::uint8_t axes = 0;
   std::array<std::uint8_t, 8> cycle = {};
