@@ -32,6 +32,52 @@ TEST_P(OffsetDrivesTest, StartInMotion_SendsNoOffsetsUntilTheArmRests) {
   EXPECT_EQ(status() & kUnknownBit, 0U);
 }
 
+// Drives report their position every 500 ms. The last report before the stand is from the motion.
+TEST_P(OffsetDrivesTest, PositionHeardInMotion_DoesNotCountAfterTheStand) {
+  settle();
+  restart();
+  Joints there = kStand;
+  const auto move_on = [&](int cycles, std::int32_t step) {
+    std::int32_t most = 0;
+    for (int k = 0; k < cycles; ++k) {
+      const Joints before = held;
+      there[0] += step;
+      target = there;
+      bench.next_sync();
+      bench.command_joints(there);
+      take_output();
+      most = std::max(most, farthest(before, held));
+    }
+    return most;
+  };
+  const Joints before = held;
+  feed_back();
+  move_on(40, 6);
+  EXPECT_EQ(move_on(450, 0), 0);
+  EXPECT_EQ(held, before) << "no position has been heard since the stand";
+  EXPECT_EQ(bench.read(0x1003, 1), kPositionUnknown << 16 | kSetsWithheld);
+  take_output();
+  feed_back();
+  EXPECT_LE(move_on(300, 0), kBlendStep);
+  EXPECT_EQ(status() & kUnknownBit, 0U);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
+}
+
+// Neither targets of a time when none were evaluated nor positions heard then tell of a stand.
+TEST_P(OffsetDrivesTest, StandBeforePreOperational_DoesNotCount) {
+  settle();
+  restart();
+  rest(kStand, 90);
+  nmt(128);
+  for (int k = 0; k < 20; ++k) cycle(moved(kStand, k < 19 ? 30 * k : 0));
+  bench.start_nodes();
+  outputs = 0;
+  for (int k = 0; k < 95; ++k) {
+    cycle(kStand);
+    ASSERT_EQ(outputs, 0) << k;
+  }
+}
+
 TEST_P(OffsetDrivesTest, ActualPositionsReceivedBeforeNodeStart_AreUsed) {
   settle();
   bench.power_on();

@@ -66,7 +66,7 @@ void JointPath::forget() {
   is_held_up_ = false;
   unsent_ = 0;
   phase_ = Phase::kUnknown;
-  heard_ = 0;
+  heard_ = heard_standing_ = 0;
 }
 
 // Undoes the correction of a computed set that waits for SYNC and will not be sent.
@@ -164,9 +164,13 @@ void JointPath::read_targets(std::uint64_t now_us) {
   }
   for (std::size_t axis = 0; axis < joint_count_; ++axis) {
     const std::int32_t target = dictionary_.get(od::axis::kTargetPosition[axis]);
-    if (target != input_.target[axis] && has_drive(axis)) resting_since_us_ = now_us;
+    if (target != input_.target[axis] && has_drive(axis)) {
+      resting_since_us_ = now_us;
+      heard_standing_ = 0;
+    }
     input_.target[axis] = target;
   }
+  if (!evaluated_since_us_) evaluated_since_us_ = now_us;
 }
 
 void JointPath::read_surroundings(std::uint64_t now_us) {
@@ -176,7 +180,12 @@ void JointPath::read_surroundings(std::uint64_t now_us) {
       static_cast<std::uint32_t>(std::min<std::uint64_t>(now_us - last_step_us_, UINT32_MAX));
 }
 
-bool JointPath::begin(std::uint64_t now_us) {
+bool JointPath::has_stood(std::uint64_t now_us) const {
+  return evaluated_since_us_ &&
+         now_us - std::max(*evaluated_since_us_, resting_since_us_) >= kRestUs;
+}
+
+bool JointPath::begin() {
   std::array<std::int32_t, kMaxJoints> held = {};
   const bool all_heard = (axes_with_drives() & ~heard_) == 0;
   for (std::size_t axis = 0; axis < joint_count_ && all_heard; ++axis) {
@@ -185,8 +194,8 @@ bool JointPath::begin(std::uint64_t now_us) {
     held[axis] = saturate(compensator_.bounds(axis).way(actual - input_.target[axis]));
   }
   const bool fits = compensator_.begin(held);
-  const bool has_stood = now_us - resting_since_us_ >= kRestUs;
-  if (mode_ == Mode::kOffset && all_heard && !(fits && has_stood)) {
+  const bool all_stand = (axes_with_drives() & ~heard_standing_) == 0;
+  if (mode_ == Mode::kOffset && all_heard && !(fits && all_stand)) {
     compensator_.forget();
     return false;
   }
@@ -233,7 +242,7 @@ bool JointPath::compute(std::uint64_t now_us) {
   take_back_unsent();
   read_targets(now_us);
   read_surroundings(now_us);
-  if (phase_ == Phase::kUnknown && !begin(now_us)) return false;
+  if (phase_ == Phase::kUnknown && !begin()) return false;
   input_.held = 0;
   output_ = compensator_.cycle(input_);
   computed_us_ = now_us;
@@ -376,6 +385,7 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now
     }
     if (phase_ == Phase::kUnknown) {
       heard_ |= 1U << axis;
+      if (has_stood(now_us)) heard_standing_ |= 1U << axis;
       continue;
     }
     // If its newest offset has not left, a drive still holds that of the cycle before.
@@ -453,6 +463,8 @@ void JointPath::stop() {
   take_back();
   take_back_unsent();
   sets_.drop();
+  evaluated_since_us_.reset();
+  heard_standing_ = 0;
   waiting_since_us_ = last_set_us_;
   emcy_.clear(Condition::kSetsWithheld);
   if (streaming_) interrupted();

@@ -18,8 +18,9 @@
 // actual positions have been received, the first correction is actual position minus target, cut to
 // what the table permits, and blends from there. In offset mode the drives follow the controller
 // without this node, and in motion the difference contains the following error: nothing goes out
-// until the targets have stood for kRestUs and the difference is permitted. If an actual position
-// has not been received, the correction begins at zero.
+// until the targets have stood for kRestUs, every actual position has been received after that, and
+// the difference is permitted. If an actual position has never been received, the correction begins
+// at zero.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_JOINT_PATH_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_MOTION_JOINT_PATH_H_
 
@@ -62,11 +63,13 @@ enum Suspension : std::uint8_t {
 
 // Information of EMCY 0xFF15: why sets do not go out.
 enum WhyWithheld : std::uint32_t {
-  kFramesMissing = 1,    // no set of targets was complete within the set window
-  kContradictions = 2,   // contradicted or short frames
-  kPositionUnknown = 3,  // offset mode: the targets have not stood yet at a permitted difference
-  kSyncMissing = 4,      // targets or offsets wait for SYNC, and none comes
-  kNoSet = 5,            // the mapped targets form no set: too few joints, or an axis mapped twice
+  kFramesMissing = 1,   // no set of targets was complete within the set window
+  kContradictions = 2,  // contradicted or short frames
+  // Offset mode: the targets have not stood yet at a permitted difference, or not every actual
+  // position has been received since.
+  kPositionUnknown = 3,
+  kSyncMissing = 4,  // targets or offsets wait for SYNC, and none comes
+  kNoSet = 5,        // the mapped targets form no set: too few joints, or an axis mapped twice
   kNotOperational = 6,
   kOutputRefused = 7,  // the bus did not take the set, or its offsets
 };
@@ -220,12 +223,15 @@ class JointPath {
   std::uint32_t stale_us() const { return dictionary_.get(od::compensator_control::kStaleTimeOut); }
   // Whether joint `axis` of the arm exists and has a drive.
   bool has_drive(std::size_t axis) const;
+  // Whether following errors have decayed: sets have been evaluated for kRestUs, and no target has
+  // changed in this time.
+  bool has_stood(std::uint64_t now_us) const;
   void end_interval();
   void take_back();
   void take_back_unsent();
   void spoil(Condition condition, std::uint32_t information, std::uint32_t& counter);
   bool compute(std::uint64_t now_us);
-  bool begin(std::uint64_t now_us);
+  bool begin();
   bool release(std::uint64_t now_us);
   void note_set_out(std::uint64_t now_us);
   std::size_t send_set();
@@ -272,6 +278,7 @@ class JointPath {
   bool reference_changed_ = false;
   bool drives_are_downstream_ = false;
   std::uint32_t heard_ = 0;  // bit k: the actual position of axis k was received in kUnknown
+  std::uint32_t heard_standing_ = 0;  // the same, after has_stood(); no target has changed since
   std::uint32_t clean_sets_ = 0;
 
   CycleInput input_;    // its targets are unchanged since resting_since_us_
@@ -281,6 +288,7 @@ class JointPath {
   std::uint64_t computed_us_ = 0;   // when output_ was computed
   std::uint64_t last_step_us_ = 0;  // when the last output that went out was computed
   std::uint64_t resting_since_us_ = 0;
+  std::optional<std::uint64_t> evaluated_since_us_;  // first set that was evaluated after stop()
   std::uint64_t leaving_since_us_ = 0;
   std::array<std::uint32_t, kMaxJoints> strange_offsets_ = {};
   std::uint16_t last_flags_ = 0;

@@ -126,16 +126,16 @@ void judge(NodeBench& bench) {
 constexpr std::array<std::int32_t, 6> kStand = {230'000,  300'000, 150'000,
                                                 -250'000, 270'000, -200'000};
 
-// Sends actual positions of an arm that stands at its targets, then these targets repeatedly: the
-// first offsets wait until the targets have been constant for 0.1 s.
+// Sends targets repeatedly, and actual positions of an arm that stands at them: the first offsets
+// wait for positions that come after the targets have been constant for 0.1 s.
 void begin(NodeBench& bench, Mode mode) {
-  for (std::uint32_t k = 0; k < 3; ++k) {
-    const CanFrame frame = NodeBench::pair_frame(0x1C0 + k, kStand[2 * k], kStand[2 * k + 1]);
-    mode == Mode::kInline ? bench.from_drives(frame) : bench.from_controller(frame);
-  }
   for (int cycle = 0; cycle < 20; ++cycle) {
     bench.now_us += 10'000;
     bench.sync();
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      const CanFrame frame = NodeBench::pair_frame(0x1C0 + k, kStand[2 * k], kStand[2 * k + 1]);
+      mode == Mode::kInline ? bench.from_drives(frame) : bench.from_controller(frame);
+    }
     bench.command_joints(kStand);
   }
   require(bench.node().dictionary().get(od::axis::kPositionOffset[0]) != 0);
