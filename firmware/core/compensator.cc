@@ -156,7 +156,9 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
   has_active_ = true;
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     const bool counted_down = scale_[k].counts_down();
+    const std::int32_t dead_band = scale_[k].dead_band;
     scale_[k] = JointScale(table, k, config_.cycle_us);
+    if (scale_[k].dead_band > dead_band) forget_direction(k);
     if (scale_[k].counts_down() != counted_down) {
       // The drive holds increments: these stay, and the joint's own values change their sign.
       change([k](Motion& motion) {
@@ -200,7 +202,7 @@ std::int64_t PositionBounds::within_limits(std::int64_t corrected, std::int32_t 
 [[gnu::cold]] bool Compensator::begin(std::span<const std::int32_t> held) {
   parked_ = false;
   change([](Motion& motion) {
-    motion.has_previous_target = false;
+    motion.anchored = 0;
     motion.direction = {};
   });
   if (!has_had_table()) return true;  // and no scale
@@ -241,8 +243,8 @@ void Compensator::update_direction(const CycleInput& input) {
   for (std::size_t k = 0; k < config_.joint_count; ++k) {
     std::int64_t moved = bounds_[k].way(difference(input.target[k], motion_.direction_anchor[k]));
     if (scale_[k].counts_down()) moved = -moved;
-    const std::int32_t band = has_active_ ? scale_[k].dead_band : 0;
-    if (!motion_.has_previous_target) {
+    const std::int32_t band = scale_[k].dead_band;
+    if ((motion_.anchored >> k & 1U) == 0) {
       const bool is_elsewhere = std::abs(moved) > band;
       if (is_elsewhere) motion_.direction[k] = 0;
       if (motion_.direction[k] == 0) motion_.direction_anchor[k] = input.target[k];
@@ -260,7 +262,7 @@ void Compensator::update_direction(const CycleInput& input) {
     const bool leads = (direction >= 0 && moved > 0) || (direction <= 0 && moved < 0);
     if (direction != 0 && leads) motion_.direction_anchor[k] = input.target[k];
   }
-  motion_.has_previous_target = true;
+  motion_.anchored = UINT8_MAX;
 }
 
 Correction Compensator::evaluate(const CycleInput& input, std::uint16_t& flags) {
@@ -452,11 +454,14 @@ std::int32_t Compensator::correction_of(std::uint32_t cycle, std::size_t joint) 
 }
 
 void Compensator::restart_stream() {
-  change([](Motion& motion) { motion.has_previous_target = false; });
+  change([](Motion& motion) { motion.anchored = 0; });
 }
 
 void Compensator::forget_direction(std::size_t joint) {
-  change([joint](Motion& motion) { motion.direction[joint] = 0; });
+  change([joint](Motion& motion) {
+    motion.direction[joint] = 0;
+    motion.anchored = static_cast<std::uint8_t>(motion.anchored & ~(1U << joint));
+  });
 }
 
 void Compensator::count_cycle(std::uint16_t flags) {

@@ -154,6 +154,9 @@ class Compensator {
   Validation load(std::span<const std::uint8_t> image, const DeviceIdentity& device);
 
   // Puts the pending table in force; the next cycles blend to it. False if none is pending.
+  // Approach directions stay, because they follow the dead bands of the last table while none is in
+  // force. A joint whose dead band becomes larger, as with the first table, loses its direction: a
+  // motion that decided it may have been smaller than the new dead band.
   bool activate();
 
   // Pass-through: the next cycles blend the correction out. No image is read any more.
@@ -240,7 +243,8 @@ class Compensator {
   struct Motion {
     CompensatorState state = CompensatorState::kPassThrough;
     std::uint32_t blend_weight = 0;  // of the new correction in the running blend, Q30
-    bool has_previous_target = false;
+    // Bit k: joint k has had a target since the last interruption, and its anchor is valid.
+    std::uint8_t anchored = 0;
     std::array<std::int32_t, kMaxJoints> direction_anchor = {};
     std::array<std::int8_t, kMaxJoints> direction = {};    // -1, 0, +1: sign of the joint's motion
     std::array<std::int32_t, kMaxJoints> delta = {};       // last output, 2^-32 turn or metre

@@ -771,6 +771,7 @@ TEST_F(CompensatorTest, ReversedDrive_DirectionIsThatOfTheJoint) {
     tests::put(joints, at, -load_i32(&joints[at]));
   }
   const std::int32_t backlash = increments(1e-3);
+  activate(offset_table(0));  // not reversed, with the same dead band
   CycleInput input = at(0.0);
   compensator.cycle(input);
   input.target[0] += 1000;
@@ -883,16 +884,57 @@ TEST_F(CompensatorTest, Forget_DiscardsTheHeldCorrection) {
   EXPECT_EQ(settle(compensator, at(0.2)).delta[0], -increments(5e-3)) << "a start like any other";
 }
 
-TEST_F(CompensatorTest, Direction_IsTrackedWithoutATable) {
-  TestImage made(kJoints);
-  made.add_state(format::State::kDirection, 0, 30);
-  made.add_term(0, 1, 1e-3, 30);
+// Backlash of joint 1 of plus or minus 1e-3 by direction, and a joint that comes to rest after a
+// long motion and one small step back.
+class UntabledDirectionTest : public CompensatorTest {
+ protected:
+  static Bytes backlash_table(std::int32_t dead_band) {
+    TestImage made(kJoints);
+    made.add_state(format::State::kDirection, 0, 30);
+    made.add_term(0, 1, 1e-3, 30);
+    tests::put(made.section(format::Section::kJoints), format::joint::kDeadBandAt, dead_band);
+    return made.image();
+  }
+  void move_and_settle_back(std::int32_t back) {
+    compensator.cycle(input);
+    input.target[0] += 20'000;
+    compensator.cycle(input);
+    input.target[0] -= back;
+    compensator.cycle(input);
+  }
+  std::int32_t correction() { return settle(compensator, input).delta[0]; }
+
   CycleInput input = at(0.0);
-  compensator.cycle(input);
-  input.target[0] += 1;  // without a table there is no dead band
-  compensator.cycle(input);
-  activate(made.image());
-  EXPECT_NEAR(settle(compensator, input).delta[0], -increments(1e-3), 1);
+};
+
+TEST_F(UntabledDirectionTest, Disabled_KeepsTheLastDeadBand) {
+  for (const std::int32_t back : {100, 101}) {
+    activate(backlash_table(100));
+    compensator.disable();
+    move_and_settle_back(back);
+    activate(backlash_table(100));
+    EXPECT_NEAR(correction(), increments(back > 100 ? 1e-3 : -1e-3), 1);
+  }
+}
+
+TEST_F(UntabledDirectionTest, FirstTable_FindsTheDirectionUnknown) {
+  move_and_settle_back(1);
+  activate(backlash_table(100));
+  EXPECT_EQ(correction(), 0);
+  input.target[0] += 100;
+  EXPECT_EQ(correction(), 0) << "the dead band counts from where the joint stands";
+  input.target[0] += 1;
+  EXPECT_NEAR(correction(), -increments(1e-3), 1);
+}
+
+TEST_F(UntabledDirectionTest, LargerDeadBand_MakesTheDirectionUnknown) {
+  activate(backlash_table(10));
+  move_and_settle_back(50);
+  EXPECT_NEAR(correction(), increments(1e-3), 1);
+  activate(backlash_table(10));
+  EXPECT_NEAR(correction(), increments(1e-3), 1);
+  activate(backlash_table(100));
+  EXPECT_EQ(correction(), 0);
 }
 
 TEST_F(CompensatorTest, CorrectionOf_UndoesTheOutputOfThatCycle) {
