@@ -150,6 +150,47 @@ TEST_P(InlineDrivesTest, LeavingOperational_KeepsTheKnownCorrection) {
   EXPECT_EQ(status() & kUnknownBit, 0U);
 }
 
+// Without the mapping, the node does not know any more where the targets are in these frames.
+TEST_P(InlineDrivesTest, MappingThatEndsUnderACorrection_WithholdsItsTargets) {
+  ASSERT_EQ(bench.write(0x1011, 1, kLoad, 4), 0U) << "reset communication has the defaults";
+  for (const bool is_reset : {true, false}) {
+    SCOPED_TRACE(is_reset);
+    settle();
+    const Joints before = stand;
+    nmt(is_reset ? 130 : 128);
+    bench.run_for(600'000);
+    if (!is_reset) {
+      ASSERT_EQ(bench.write(0x1400, 1, 0x80000220, 4), 0U);
+      ASSERT_EQ(bench.write(0x1401, 1, 0x80000320, 4), 0U);
+    }
+    for (int k = 0; k < 300; ++k) {
+      cycle(moved(kStand, 30 * k));
+      if (k == 150) bench.start_nodes();
+      ASSERT_EQ(stand, before) << k;
+    }
+    EXPECT_EQ(bench.read(0x1003, 1), kNoSet << 16 | kSetsWithheld);
+    EXPECT_EQ(bench.write(0x1400, 1, 0x220, 4), kDeviceState) << "joints are commanded";
+    bench.run_for(600'000);
+    bench.from_controller(NodeBench::pair_frame(0x240, 1, 2));
+    EXPECT_EQ(bench.downstream.take_sent().size(), 1U) << "other frames pass";
+    nmt(128);
+    bench.configure(Mode::kInline);
+    EXPECT_LE(rest(kStand, 100), kRate);
+    EXPECT_EQ(seen, kStand);
+    EXPECT_EQ(bench.read(0x1001, 0), 0U);
+  }
+}
+
+TEST_P(InlineDrivesTest, MappingThatEndsWithoutACorrection_PassesItsFrames) {
+  ASSERT_EQ(bench.write(0x1011, 1, kLoad, 4), 0U);
+  settle();
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  rest(kStand, 100);
+  nmt(130);
+  cycle(moved(kStand, 30));
+  EXPECT_EQ(stand, moved(kStand, 30));
+}
+
 INSTANTIATE_TEST_SUITE_P(Inline, InlineDrivesTest, ::testing::Values(Mode::kInline));
 
 // Frames that the joint path must ignore.

@@ -85,12 +85,18 @@ void Node::apply_configuration() {
   for (std::size_t k = 0; k < HeartbeatConsumer::kNodes; ++k) {
     heartbeats_.configure(k, dictionary_.get(od::kConsumerHeartbeatTime[k]));
   }
-  pdos_.refresh();
-  joints_.configure(pdos_);
+  configure_pdos();
   joints_.configure_bounds();
   sdo_.reset(kSdoRequestBase + config_.node_id, kSdoResponseBase + config_.node_id);
   waiting_count_ = 0;
   short_rpdos_ = 0;
+}
+
+void Node::configure_pdos() {
+  if (joints_.is_configured()) withheld_.note(pdos_);
+  pdos_.refresh();
+  joints_.configure(pdos_);
+  if (joints_.is_configured()) withheld_.clear();
 }
 
 bool Node::is_quiet() const {
@@ -194,9 +200,17 @@ void Node::handle_upstream(const CanFrame& frame) {
   if (number < kRpdos) handle_rpdo(number, frame);
   // In inline mode the joint path decides whether and when a target is passed on.
   if (is_target && mode() == Mode::kInline) return;
+  if (withholds(frame)) return;
   if (parts_.downstream == nullptr) return;
   watch_sdo_targets(frame);
   to_drives(frame);
+}
+
+bool Node::withholds(const CanFrame& frame) {
+  if (mode() != Mode::kInline || !withheld_.has(frame) || is_free_of_correction()) return false;
+  joints_.note_command(now_us_);
+  emcy_.raise(Condition::kSetsWithheld, kNoSet);
+  return true;
 }
 
 void Node::handle_downstream(CanFrame& frame) {

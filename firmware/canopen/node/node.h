@@ -7,7 +7,8 @@
 //
 // With a downstream port every frame is passed on bit-identical, both ways, except: requests to
 // this node's own SDO server, and in inline mode the target frames (held, rewritten, released as a
-// set) and the actual-position frames (rewritten). NMT and SYNC are obeyed from upstream only.
+// set; withheld if their mapping has ended under a correction) and the actual-position frames
+// (rewritten). NMT and SYNC are obeyed from upstream only.
 //
 // The port calls process() repeatedly from one context. Only table commands and writes that erase
 // flash block. Table commands are refused while joint commands arrive. An erase stops forwarding
@@ -23,6 +24,7 @@
 #include "firmware/canopen/node/bus_watch.h"
 #include "firmware/canopen/node/parameter_store.h"
 #include "firmware/canopen/node/port_health.h"
+#include "firmware/canopen/node/withheld_targets.h"
 #include "firmware/canopen/protocol/can_port.h"
 #include "firmware/canopen/protocol/dictionary_access.h"
 #include "firmware/canopen/protocol/emcy.h"
@@ -95,6 +97,10 @@ class Node final : private ObjectHooks, private DriveGuard {
 
   void reset_communication(std::uint64_t now_us);
   void apply_configuration();
+  // Takes the PDOs from the dictionary.
+  void configure_pdos();
+  // Whether a frame was one of a set that has lost its mapping; reports it.
+  bool withholds(const CanFrame& frame);
   void handle_upstream(const CanFrame& frame);
   void handle_downstream(CanFrame& frame);
   // Serves NMT, heartbeat and SDO frames. True if the frame is for this node only.
@@ -163,6 +169,7 @@ class Node final : private ObjectHooks, private DriveGuard {
   std::uint8_t nmt_command_ = 0;  // to be carried out, 0 for none
   NmtRequest pending_reset_ = NmtRequest::kNone;
   bool joint_path_sound_ = false;
+  WithheldTargets withheld_;
   Forwarding from_upstream_;
   Forwarding from_downstream_;
   std::uint64_t drives_heard_us_ = 0;  // last frame from downstream

@@ -218,8 +218,7 @@ void Node::after_write(const od::Entry& entry) {
     return dictionary_.set(od::restore_default_parameters::kRestoreAllDefaultParameters, 1U);
   }
   if (entry.index >= 0x1400 && entry.index < 0x1C00) {
-    pdos_.refresh();
-    joints_.configure(pdos_);
+    configure_pdos();
     waiting_count_ = 0;  // frames that wait for SYNC came with the old mappings
     return tpdos_.restart(now_us_);
   }
