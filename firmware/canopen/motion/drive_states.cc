@@ -15,16 +15,12 @@ constexpr std::uint16_t kFaultMask = 0x004F;
 constexpr std::uint16_t kFaultReactionActive = 0x000F;
 // CiA 402-2, 0x6060.
 constexpr std::int8_t kHoming = 6;
-constexpr std::int8_t kInterpolatedPosition = 7;
 constexpr std::int8_t kCyclicPosition = 8;
 
 bool is_enabled(std::uint16_t statusword) { return (statusword & kStateMask) == kOperationEnabled; }
 bool has_power(std::uint16_t statusword) {
   return is_enabled(statusword) || (statusword & kStateMask) == kQuickStopActive ||
          (statusword & kFaultMask) == kFaultReactionActive;
-}
-bool is_cyclic(std::int8_t mode) {
-  return mode == kInterpolatedPosition || mode == kCyclicPosition;
 }
 
 }  // namespace
@@ -49,7 +45,7 @@ AxisState DriveStates::state(std::size_t axis) const {
   const Axis& heard = axes_[axis];
   if (!heard.statusword && !heard.mode) return AxisState::kUnknown;
   const bool follows = (!heard.statusword || is_enabled(*heard.statusword)) &&
-                       (!heard.mode || is_cyclic(*heard.mode));
+                       (!heard.mode || *heard.mode == kCyclicPosition);
   return follows ? AxisState::kFollowing : AxisState::kAway;
 }
 
@@ -72,6 +68,13 @@ bool DriveStates::is_speaking(std::uint64_t now_us) const {
   });
 }
 
+// In other modes than the cyclic one an axis moves without targets, and as fast as it can. Homing
+// also sets the zero, which may show after the drive is disabled.
+bool DriveStates::moves_by_itself(const Axis& axis) {
+  if (!axis.mode || *axis.mode == kCyclicPosition) return false;
+  return *axis.mode == kHoming || !axis.statusword || has_power(*axis.statusword);
+}
+
 bool DriveStates::hear_position(std::size_t axis, std::int32_t actual, bool at_rest,
                                 std::uint32_t per_turn, const PositionBounds& bounds,
                                 std::uint64_t now_us) {
@@ -79,8 +82,8 @@ bool DriveStates::hear_position(std::size_t axis, std::int32_t actual, bool at_r
   Axis& heard = axes_[axis];
   const std::optional<std::int32_t> before = std::exchange(heard.actual, actual);
   const std::uint64_t since_us = now_us - std::exchange(heard.heard_us, now_us);
-  const bool homes = heard.mode == kHoming;
-  if (!before || !at_rest || homes || per_turn == 0 || since_us > kNeighboursUs) return false;
+  if (!before || !at_rest || moves_by_itself(heard) || per_turn == 0 || since_us > kNeighboursUs)
+    return false;
   const std::int64_t moved = std::abs(bounds.way(std::int64_t{actual} - *before));
   const std::int64_t least = std::int64_t{per_turn} / kJumpPart;
   const auto fastest =

@@ -1,9 +1,10 @@
 // What the drives report: statusword (0x6041), modes of operation display (0x6061), jumps of an
 // actual position at rest, and motion while no targets came.
 //
-// A drive that is not in "operation enabled", or not in a cyclic position mode (homing, torque,
-// hand-guiding), does not take corrected targets, so its actual position contains no correction. A
-// drive that has reported neither object counts as following.
+// A drive that is not in "operation enabled", or not in cyclic synchronous position mode (homing,
+// torque, hand-guiding; interpolated position mode, whose set-points are 0x60C1), does not take
+// corrected targets, so its actual position contains no correction. A drive that has reported
+// neither object counts as following.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_DRIVE_STATES_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_MOTION_DRIVE_STATES_H_
 
@@ -21,7 +22,7 @@ inline constexpr std::uint16_t kModeDisplay = 0x6061;
 
 enum class AxisState : std::uint8_t {
   kUnknown,    // neither statusword nor mode has been received
-  kFollowing,  // operation enabled, a cyclic position mode
+  kFollowing,  // operation enabled, cyclic synchronous position mode
   kAway,
 };
 
@@ -44,7 +45,8 @@ class DriveStates {
 
   // Takes an actual position. `at_rest`: no target has changed for a while. `per_turn`: increments
   // per turn or metre, 0 if not known. Returns true if the position jumped further than an arm can
-  // move: the encoder's zero was changed.
+  // move: the encoder's zero was changed. An axis that an enabled drive may be moving in another
+  // mode is not judged.
   bool hear_position(std::size_t axis, std::int32_t actual, bool at_rest, std::uint32_t per_turn,
                      const PositionBounds& bounds, std::uint64_t now_us);
 
@@ -73,6 +75,7 @@ class DriveStates {
     std::optional<std::int32_t> noted;  // by note_stand()
     std::uint64_t heard_us = 0;         // when `actual` was received
   };
+  static bool moves_by_itself(const Axis& axis);
   template <typename Condition>
   std::uint8_t bits(const Condition& condition) const {
     std::uint8_t result = 0;

@@ -43,6 +43,26 @@ TEST_F(JumpTest, InMotionOrWithoutScale_NoJumpIsReported) {
   EXPECT_FALSE(hear(0, 2'000, true, 0));
 }
 
+// In profile position mode an axis moves at rest of the targets, and as fast as it can.
+TEST_F(JumpTest, EnabledInAnotherMode_NoJumpIsReported) {
+  struct Case {
+    std::optional<std::uint16_t> statusword;
+    std::int8_t mode;
+    bool is_jump;
+  };
+  for (const Case& each :
+       {Case{kOperationEnabled, 1, false}, Case{std::nullopt, 1, false}, Case{0x0217, 1, false},
+        Case{kSwitchOnDisabled, 1, true}, Case{kOperationEnabled, 8, true},
+        Case{kSwitchOnDisabled, 0, true}, Case{kSwitchOnDisabled, 6, false}}) {
+    SCOPED_TRACE(each.mode);
+    states = {};
+    if (each.statusword) states.hear_state(0, *each.statusword);
+    states.hear_mode(0, each.mode);
+    EXPECT_FALSE(hear(0, 0));
+    EXPECT_EQ(hear(500'000, 1'000), each.is_jump);
+  }
+}
+
 TEST(DriveStates, Keep_ForgetsOnlyAxesThatAreNotMapped) {
   for (std::size_t mapped = 0; mapped < kMaxJoints; ++mapped) {
     DriveStates states;
@@ -152,7 +172,7 @@ TEST_P(DriveStatesTest, Correction_IsSuspendedUntilAllDrivesFollow) {
     int mode;
   };
   for (const Away away : {Away{kSwitchOnDisabled, 8}, Away{kFault, 8}, Away{kOperationEnabled, 6},
-                          Away{kOperationEnabled, 4}}) {
+                          Away{kOperationEnabled, 4}, Away{kOperationEnabled, 7}}) {
     SCOPED_TRACE(away.statusword * 16 + away.mode);
     drive_says(0, away.statusword, away.mode);
     rest_smoothly(100);
@@ -169,8 +189,8 @@ TEST_P(DriveStatesTest, Correction_IsSuspendedUntilAllDrivesFollow) {
     EXPECT_EQ(correction(), before);
     EXPECT_EQ(seen, kStand);
   }
-  EXPECT_EQ(bench.read(0x2005, 5), 4U);
-  EXPECT_EQ(bench.read(0x2005, 6), 4U);
+  EXPECT_EQ(bench.read(0x2005, 5), 5U);
+  EXPECT_EQ(bench.read(0x2005, 6), 5U);
 }
 
 // An event occurs while a set waits for its SYNC, which is late: that set is dropped.
