@@ -113,7 +113,7 @@ TEST_P(OffsetDrivesTest, RefusedStart_LeavesNoCorrection) {
 
 TEST_P(OffsetDrivesTest, FirstSetNotSent_LeavesNoCorrection) {
   settle();
-  wait(600);
+  wait(1'100);
   bench.set_transmission(0x1400);
   ASSERT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
   restart();
@@ -157,7 +157,7 @@ TEST_P(OffsetDrivesTest, NmtStop_WithALongControlPeriod_WaitsForTheWholeFade) {
   bench.cycle_us = 4000;
   restart();
   settle();
-  wait(600);
+  wait(1'100);
   bench.install(TestTable{.sequence = 2, .magnitude = kPermitted << 12, .rate = kMinRate}.image());
   rest(kStand, 10);
   ASSERT_GT(farthest(held, {}), 150);

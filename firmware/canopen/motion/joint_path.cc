@@ -342,9 +342,11 @@ void JointPath::hear(const Pdo& pdo, const CanFrame& frame) {
       check_offset(mapped.sub - 1U, load_le<std::int32_t>(place));
     }
     const std::size_t axis = axis_of(mapped.index);
-    if (!has_drive(axis)) continue;
     const std::uint16_t object = axis_object(mapped.index);
-    if (object == kStatusword) drives_.hear_state(axis, load_le<std::uint16_t>(place));
+    // Also of a passive axis: if its drive is enabled, what needs disabled drives is refused.
+    const bool is_state = object == kStatusword && axis < joint_count_;
+    if (is_state) drives_.hear_state(axis, load_le<std::uint16_t>(place));
+    if (!has_drive(axis)) continue;
     if (object == kModeDisplay) drives_.hear_mode(axis, static_cast<std::int8_t>(*place));
   }
 }

@@ -292,6 +292,19 @@ TEST_F(PassiveAxisTest, StateOfAPassiveAxis_SuspendsNothing) {
   EXPECT_EQ(bench.read(0x2005, 2), 0U);
 }
 
+// The report says that there is a drive, though no joint of the arm needs it.
+TEST_F(PassiveAxisTest, EnabledPassiveAxis_RefusesAnErase) {
+  bench.install(without_the_last.image());
+  map_alone(0x140B, 0x160B, 0x1D5, 0x88410010);
+  bench.from_drives(make_frame(0x1D5, {kOperationEnabled & 0xFF, kOperationEnabled >> 8}));
+  bench.run_for(1'001'000);
+  EXPECT_EQ(bench.write(0x1010, 1, kSave, 4), kDeviceState);
+  EXPECT_EQ(bench.read(0x2005, 2), 0U) << "it need not follow";
+  bench.from_drives(make_frame(0x1D5, {kSwitchOnDisabled & 0xFF, kSwitchOnDisabled >> 8}));
+  bench.run_for(1'001'000);
+  EXPECT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
+}
+
 // First table: until it is verified, the node does not know that axis 6 has no drive to disable.
 TEST_F(PassiveAxisTest, Commit_RequiresOnlyExistingDrivesDisabled) {
   for (std::uint16_t k = 0; k < 5; ++k) {

@@ -84,6 +84,16 @@ TEST_F(EraseTest, DriveThatSendsNoStatusword_IsRefused) {
   expect_allowed();
 }
 
+// In offset mode the drives are on the bus of the controller.
+TEST(EraseWithOneBus, DriveThatSendsPositionsAlone_IsRefused) {
+  NodeBench bench(false);
+  bench.configure(Mode::kOffset);
+  bench.from_controller(NodeBench::pair_frame(0x1C0, 0, 0));
+  EXPECT_EQ(bench.write(0x1010, 1, kSave, 4), kDeviceState);
+  bench.run_for(1'001'000);
+  EXPECT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
+}
+
 // Frames that come while the core stalls are lost; their sender was not silent.
 TEST_F(EraseTest, LongErase_IsNotCountedAsALostHeartbeat) {
   constexpr std::uint32_t kHeartbeatTimeMs = 1000;

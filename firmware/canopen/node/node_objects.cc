@@ -128,21 +128,21 @@ bool Node::all_say_disabled(std::uint8_t passive) const {
   return (joints_.drives().disabled() & all) == all;
 }
 
-// An erase stalls the core for seconds on some ports, and nothing is forwarded meanwhile. While
-// frames come from downstream, a drive counts as enabled unless its statusword reports it
-// disabled. If none come, there is nothing to forward.
-bool Node::may_erase(std::uint8_t passive) const {
+// Whether all drives are disabled or silent. While frames come from downstream, or actual positions
+// from either bus, a drive counts as enabled unless its statusword reports it disabled. A drive
+// that has reported another state counts as in this state, however long it has been silent.
+bool Node::drives_are_off(std::uint8_t passive) const {
   const DriveStates& drives = joints_.drives();
   if ((drives.known() & ~drives.disabled()) != 0) return false;
-  const bool is_silent = !has_heard_drives_ || now_us_ - drives_heard_us_ > DriveStates::kSilentUs;
+  const bool hears_downstream =
+      has_heard_drives_ && now_us_ - drives_heard_us_ <= DriveStates::kSilentUs;
+  const bool is_silent = !hears_downstream && !drives.is_speaking(now_us_);
   return is_silent || all_say_disabled(passive);
 }
 
-// Whether all drives are disabled or silent.
-bool Node::drives_are_off(std::uint8_t passive) const {
-  return may_erase(passive) &&
-         (all_say_disabled(passive) || !joints_.drives().is_speaking(now_us_));
-}
+// An erase stalls the core for seconds on some ports: neither the joint path nor the heartbeat runs
+// meanwhile, and nothing is forwarded.
+bool Node::may_erase(std::uint8_t passive) const { return drives_are_off(passive); }
 
 // While the phase is unknown, enabled drives may hold a correction from before the start.
 bool Node::may_change_axes(std::uint8_t passive) const {

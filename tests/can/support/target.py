@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,16 +45,21 @@ class Target:
         self.at_work_s = time.monotonic()
         self.halts = 0
         self.sets_excused = 0
-        send = downstream.send
-
-        def noted_send(message: can.Message, timeout: float | None = None) -> None:
-            send(message, timeout)
-            self.drives_spoke = True
-
-        downstream.send = noted_send  # type: ignore[method-assign]
+        # The drives are on the drives' side, or, in offset mode, beside the controller.
+        self._note_drives(downstream, lambda _identifier: True)
+        self._note_drives(upstream, FEEDBACK_IDS.__contains__)
         self.board: qemu.RealTimeBoard | None = None  # of kind "r5f"
         self.client = SdoClient(upstream, self.node_id, ARRIVES_WITHIN_S)
         self.device = Compensator(self.client)
+
+    def _note_drives(self, line: can.BusABC, is_of_drives: Callable[[int], bool]) -> None:
+        send = line.send
+
+        def noted_send(message: can.Message, timeout: float | None = None) -> None:
+            send(message, timeout)
+            self.drives_spoke = self.drives_spoke or is_of_drives(message.arbitration_id)
+
+        line.send = noted_send  # type: ignore[method-assign]
 
     def note_time(self) -> None:
         """Called at each send and receive: more than HALT_S between two calls is a halt of this machine."""
