@@ -333,7 +333,9 @@ Abort TableTransfer::confirm() {
   const Abort abort = result(store_.confirm());
   if (abort == Abort::kNone) {
     trial_ = false;
-    if (compensator_.is_in_use(buffers_.active())) agree_on_resolution();
+    // Also of a table that is disabled: the next one is compared with it.
+    const std::span<const std::uint8_t> image = buffers_.active();
+    if (!image.empty() && check_resolution(image).accepted()) agree_on_resolution();
   }
   return abort;
 }

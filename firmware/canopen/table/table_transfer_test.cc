@@ -398,12 +398,22 @@ TEST_F(TableTransferTest, SaveDuringATrial_DoesNotKeepItsResolution) {
   EXPECT_EQ(bench.read(0x608F, 1), 1U << 20);
 }
 
-TEST_F(TableTransferTest, ConfirmWhileDisabled_TakesTheResolutionWhenEnabled) {
+TEST_F(TableTransferTest, ConfirmWhileDisabled_TakesTheResolution) {
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   bench.install(TestTable{.serial = "R-7"}.image());
-  EXPECT_EQ(bench.read(0x608F, 1), 0U);
-  ASSERT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
   EXPECT_EQ(bench.read(0x608F, 1), 1U << 20);
+  ASSERT_EQ(bench.stage(TestTable{.sequence = 2, .serial = "R-7", .finer = 1}.image()), 0U);
+  EXPECT_NE(bench.command(TableCommand::kVerify), 0U);
+  EXPECT_EQ(status(kReason), static_cast<std::uint32_t>(Refusal::kResolution));
+}
+
+TEST_F(TableTransferTest, ConfirmOfAnotherResolutionWhileDisabled_TakesNone) {
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  bench.commit(TestTable{.serial = "R-7"}.image());
+  ASSERT_EQ(bench.write(0x608F, 1, 1U << 24, 4), 0U) << "other drives";
+  ASSERT_EQ(bench.command(TableCommand::kActivate), 0U);
+  ASSERT_EQ(bench.command(TableCommand::kConfirm), 0U);
+  EXPECT_EQ(bench.read(0x608F + 0x800, 1), 0U);
 }
 
 // CiA 301: it resets objects 0x1000 to 0x1FFF alone.
