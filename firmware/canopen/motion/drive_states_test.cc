@@ -157,9 +157,10 @@ class DriveStatesTest : public DrivesTest {
       ASSERT_LE(farthest(saw, seen), kRate);
     }
   }
+  void expect_reason(std::uint32_t why) { EXPECT_EQ(bench.read(0x2005, 4), why); }
   void expect_suspended(std::uint32_t why) {
     EXPECT_EQ(bench.read(0x2005, 3), static_cast<std::uint32_t>(Phase::kSuspended));
-    EXPECT_EQ(bench.read(0x2005, 4), why);
+    expect_reason(why);
   }
 };
 
@@ -342,6 +343,23 @@ TEST_P(DriveStatesTest, EncoderZeroChangeAtRest_SuspendsUntilReenabled) {
   ASSERT_EQ(bench.write(0x2000, 2, 1, 1), 0U);
   rest_smoothly(200);
   EXPECT_GT(farthest(stand, kStand), 150) << "confirmed by disabling and enabling";
+}
+
+TEST_P(DriveStatesTest, EncoderZeroChange_IsReportedAgainAfterResetCommunication) {
+  ASSERT_EQ(bench.write(0x1010, 1, kSave, 4), 0U);
+  settle();
+  rest(kStand, 150);
+  stand[2] += 5000;
+  feed_back();
+  bench.run_for(1000);
+  nmt(130);
+  wait(6'000);
+  EXPECT_EQ(bench.read(0x1003, 1), 0x0003FF16U);
+  EXPECT_NE(bench.read(0x1001, 0), 0U);
+  expect_reason(2);
+  ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
+  bench.run_for(1000);
+  EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
 TEST_P(DriveStatesTest, EncoderZeroChangeByHoming_IsNotCounted) {

@@ -377,9 +377,8 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now
     const PositionBounds& bounds = compensator_.bounds(axis);
     const auto per_turn = static_cast<std::uint32_t>(compensator_.scale(axis).per_turn);
     if (drives_.hear_position(axis, actual, at_rest, per_turn, bounds, now_us)) {
-      reference_changed_ = true;
+      if (changed_reference_ == 0) changed_reference_ = static_cast<std::uint8_t>(axis + 1);
       count(counters_.reference_changes);
-      emcy_.raise(Condition::kReferenceChanged, static_cast<std::uint32_t>(axis + 1));
     }
     // The joint was moved without targets: its direction of approach is no longer known.
     if (!streaming_ && drives_.has_left(axis, compensator_.scale(axis).dead_band, bounds)) {
@@ -403,12 +402,12 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now
 std::uint8_t JointPath::suspension() const {
   std::uint8_t bits = kSuspendedNot;
   if (axes_away() != 0) bits |= kSuspendedAxisAway;
-  if (reference_changed_) bits |= kSuspendedReference;
+  if (changed_reference_ != 0) bits |= kSuspendedReference;
   return bits;
 }
 
 void JointPath::accept_reference() {
-  reference_changed_ = false;
+  changed_reference_ = 0;
   emcy_.clear(Condition::kReferenceChanged);
 }
 
@@ -457,6 +456,8 @@ bool JointPath::process(std::uint64_t now_us) {
   last_process_us_ = now_us;
   follow_drives();
   watch_stream(now_us);
+  // In every turn, because a reset of communication ends all conditions, but not this reason.
+  if (changed_reference_ != 0) emcy_.raise(Condition::kReferenceChanged, changed_reference_);
   inputs_.watch(phase_ == Phase::kUnknown ? 0 : compensator_.needed_inputs(), now_us);
   return !late && !overlooked;
 }

@@ -275,7 +275,7 @@ class JointPath {
   // Whether the first correction starts from what the drives reported (else from zero); set by
   // begin().
   bool began_with_heard_ = false;
-  bool reference_changed_ = false;
+  std::uint8_t changed_reference_ = 0;  // number of the axis whose zero was changed, 0 for none
   bool drives_are_downstream_ = false;
   std::uint32_t heard_ = 0;  // bit k: the actual position of axis k was received in kUnknown
   std::uint32_t heard_standing_ = 0;  // the same, after has_stood(); no target has changed since
