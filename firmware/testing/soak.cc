@@ -83,8 +83,11 @@ bool Soak::draw(Fault fault) {
 Soak::Joints Soak::targets_of(std::uint64_t pose) const {
   Joints joints = {};
   joints[0] = static_cast<std::int32_t>(kStep * static_cast<std::int64_t>(pose));
+  // Joints 3 to 6 rest in eight of sixteen cycles: their frames then repeat the targets before.
+  const std::uint64_t moved = pose / 16 * 8 + std::min<std::uint64_t>(pose % 16, 8);
   for (std::size_t k = 1; k < joints.size(); ++k) {
-    joints[k] = static_cast<std::int32_t>(13 * static_cast<std::int64_t>(k * pose)) + 100000;
+    const std::uint64_t steps = k * (k < 2 ? pose : moved);
+    joints[k] = static_cast<std::int32_t>(13 * static_cast<std::int64_t>(steps)) + 100000;
   }
   return joints;
 }
@@ -131,6 +134,11 @@ void Soak::one_cycle() {
     const auto targets = NodeBench::targets(targets_of(pose_));
     frames.assign(targets.begin(), targets.end());
   }
+  // At times targets come in the second half of the SYNC interval, where an incomplete set has not
+  // yet ended by its time when the next SYNC comes. The frame of joint 1, which never rests, is
+  // then the last: if it slips behind SYNC, the others repeat the targets before.
+  const bool is_late_in_cycle = !synchronous_ && mode_ == Mode::kInline && cycle_ / 1000 % 2 != 0;
+  if (is_late_in_cycle) std::reverse(frames.begin(), frames.end());
   // Targets carry no number (docs/security.md): a late frame cannot be told from a lost one of the
   // next cycle that it replaces, nor a second master's frame from a missing one of ours. So the
   // second master sends only while no other fault acts.
@@ -235,6 +243,11 @@ void Soak::one_cycle() {
 
   bool sync_due = !lost_sync && !silent;
   std::uint64_t at_us = 50;
+  if (is_late_in_cycle) {
+    if (sync_due && sync_at_us == 0) deliver(make_frame(0x80, {}));
+    sync_due = sync_due && sync_at_us != 0;
+    for (; at_us < 400; at_us += 150) step_to(at_us);
+  }
   for (const CanFrame& frame : frames) {
     if (sync_due && at_us >= sync_at_us) {
       deliver(make_frame(0x80, {}));

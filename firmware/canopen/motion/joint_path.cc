@@ -92,9 +92,7 @@ void JointPath::take_back_unsent() {
 
 void JointPath::end_interval() {
   take_back();
-  const SetAssembler::Ended ended = sets_.end_interval();
-  if (ended == SetAssembler::Ended::kOnlyRepeats) count(counters_.repeated);
-  if (ended == SetAssembler::Ended::kWithheld) count(counters_.withheld);
+  if (sets_.end_interval() == SetAssembler::Ended::kWithheld) count(counters_.withheld);
 }
 
 // A spoilt set stays in its interval and does not go out; end_interval() takes it back.
@@ -413,7 +411,7 @@ void JointPath::accept_reference() {
 
 void JointPath::interrupted() {
   streaming_ = false;
-  sets_.distrust();
+  sets_.interrupt();
   compensator_.restart_stream();
   drives_.note_stand();
 }

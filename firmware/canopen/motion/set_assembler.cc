@@ -4,11 +4,16 @@
 #include <bit>
 #include <cstring>
 
+#include "firmware/core/fixed/counter.h"
+
 namespace armtrue::canopen {
 namespace {
 
-bool has_payload(const CanFrame& frame, std::uint8_t len, const std::uint8_t* data) {
-  return frame.len == len && std::memcmp(frame.data, data, len) == 0;
+bool have_equal_targets(const Pdo& pdo, const CanFrame& one, const CanFrame& other) {
+  return std::ranges::all_of(pdo.mapping.used(), [&](const MappedEntry& mapped) {
+    return axis_object(mapped.index) != kTargetPosition ||
+           std::memcmp(&one.data[mapped.at], &other.data[mapped.at], mapped.size) == 0;
+  });
 }
 
 }  // namespace
@@ -37,21 +42,22 @@ void SetAssembler::clear() {
   progress_ = SetProgress::kWaiting;
 }
 
+void SetAssembler::interrupt() {
+  trusted_ = false;
+  pauses_ = {};
+  window_.restart(expected_);
+}
+
 void SetAssembler::drop() {
   clear();
-  trusted_ = false;
+  out_count_ = 0;
+  interrupt();
 }
 
-const SetAssembler::Held* SetAssembler::find(std::size_t rpdo) const {
-  const std::span<const Held> held = frames();
+SetAssembler::Held* SetAssembler::find(std::size_t rpdo, std::size_t count) {
+  const std::span<Held> held = std::span(held_).first(count);
   const auto found = std::ranges::find(held, rpdo, &Held::rpdo);
   return found == held.end() ? nullptr : &*found;
-}
-
-bool SetAssembler::repeats_previous(const Held& held) const {
-  const std::span<const Sent> previous = std::span(previous_).first(previous_count_);
-  const auto found = std::ranges::find(previous, held.rpdo, &Sent::rpdo);
-  return found != previous.end() && has_payload(held.frame, found->len, found->data.data());
 }
 
 SetEvent SetAssembler::take(const Pdo& pdo, std::size_t rpdo, const CanFrame& frame,
@@ -60,8 +66,12 @@ SetEvent SetAssembler::take(const Pdo& pdo, std::size_t rpdo, const CanFrame& fr
     content_ = SetContent::kSpoilt;
     return SetEvent::kShort;
   }
-  if (const Held* same = find(rpdo)) {
-    if (has_payload(frame, same->frame.len, same->frame.data)) return SetEvent::kRepeated;
+  if (Held* same = find(rpdo, held_count_)) {
+    if (have_equal_targets(pdo, frame, same->frame)) {
+      // If the set has not gone out, the newest controlword is the one that has to.
+      same->frame = frame;
+      return SetEvent::kRepeated;
+    }
     if (!sync_in_use_) return SetEvent::kNextCycle;
     // Two different targets for one joint within one SYNC interval: the set is ambiguous and is
     // dropped.
@@ -69,6 +79,12 @@ SetEvent SetAssembler::take(const Pdo& pdo, std::size_t rpdo, const CanFrame& fr
     return SetEvent::kContradicted;
   }
   window_.note(rpdo, now_us);
+  // A frame that is repeated behind its set would begin an interval and replace that of the next
+  // cycle. The learnt window is too short for a frame of the next cycle.
+  const bool may_be_behind =
+      !sync_in_use_ && present_ == 0 && now_us - begin_us_ < window_.learnt_us();
+  const Held* sent = may_be_behind ? find(rpdo, out_count_) : nullptr;
+  if (sent != nullptr && have_equal_targets(pdo, frame, sent->frame)) return SetEvent::kRepeated;
   if (held_count_ == held_.size())
     return SetEvent::kHeld;  // configure() made sure that there is room
   if (present_ == 0) begin_us_ = now_us;
@@ -81,18 +97,6 @@ SetEvent SetAssembler::take(const Pdo& pdo, std::size_t rpdo, const CanFrame& fr
   const bool may_be_mixed = !synchronous_ && !trusted_ && !std::has_single_bit(expected_);
   const bool ready = content_ == SetContent::kWhole && !may_be_mixed;
   return ready ? SetEvent::kReady : SetEvent::kHeld;
-}
-
-void SetAssembler::set_progress(SetProgress progress) {
-  progress_ = progress;
-  if (progress != SetProgress::kOut) return;
-  previous_count_ = held_count_;
-  for (std::size_t k = 0; k < held_count_; ++k) {
-    const CanFrame& frame = held_[k].frame;
-    previous_[k].rpdo = held_[k].rpdo;
-    previous_[k].len = frame.len;
-    std::ranges::copy(frame.data, previous_[k].data.begin());
-  }
 }
 
 bool SetAssembler::is_over(std::uint32_t configured_us, std::uint64_t now_us) const {
@@ -108,21 +112,23 @@ bool SetAssembler::is_over(std::uint32_t configured_us, std::uint64_t now_us) co
 }
 
 SetAssembler::Ended SetAssembler::end_interval() {
-  // If every frame repeats the previous set, nothing was lost.
-  const bool only_repeats =
-      content_ != SetContent::kSpoilt &&
-      std::ranges::all_of(frames(), [this](const Held& one) { return repeats_previous(one); });
-  Ended ended = Ended::kEmptyOrOut;
-  if (present_ != 0 && progress_ != SetProgress::kOut) {
-    ended = only_repeats ? Ended::kOnlyRepeats : Ended::kWithheld;
+  const bool is_withheld = present_ != 0 && progress_ != SetProgress::kOut;
+  if (present_ != 0 || content_ == SetContent::kSpoilt) {
+    // A frame that is missing here may arrive late and complete the next set with an old target.
+    // Therefore the set after an interval that was not whole is not used, even if the frames that
+    // came only repeat the targets before: the late one may belong to a joint that moves.
+    trusted_ = content_ == SetContent::kWhole;
+    pauses_ = {pauses_[1], empty_};
+    empty_ = 0;
+  } else if (begin_us_ < last_sync_us_) {
+    // Targets may be slower than SYNC. If more intervals are empty than lately, a whole cycle is
+    // late or lost, and one of its frames may still arrive.
+    count(empty_);
+    trusted_ = trusted_ && empty_ <= std::max(pauses_[0], pauses_[1]);
   }
-  // A frame that is missing here may arrive late and complete the next set with an old target.
-  // Therefore the set after an interval that was not whole is not used. An arm at rest repeats
-  // whole sets: these count as whole, or the stream could never go on.
-  const bool is_whole = content_ == SetContent::kWhole;
-  if (present_ == 0 || is_whole || !only_repeats) trusted_ = is_whole;
+  out_count_ = progress_ == SetProgress::kOut ? held_count_ : std::uint8_t{0};
   clear();
-  return ended;
+  return is_withheld ? Ended::kWithheld : Ended::kEmptyOrOut;
 }
 
 void SetAssembler::note_sync(std::uint64_t now_us) {

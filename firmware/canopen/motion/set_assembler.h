@@ -33,7 +33,7 @@ enum class SetProgress : std::uint8_t {
 // Result of take().
 enum class SetEvent : std::uint8_t {
   kHeld,
-  kRepeated,      // the set has it already
+  kRepeated,      // the set has these targets already; its other bytes replace those held
   kNextCycle,     // belongs to the next cycle, not taken: end the interval, call take() again
   kShort,         // shorter than its mapping: counts as missing
   kContradicted,  // a different target for the same joints within one SYNC interval
@@ -62,7 +62,7 @@ class SetAssembler {
 
   SetContent content() const { return content_; }
   SetProgress progress() const { return progress_; }
-  void set_progress(SetProgress progress);
+  void set_progress(SetProgress progress) { progress_ = progress; }
   std::span<const Held> frames() const { return std::span(held_).first(held_count_); }
 
   // Whether the time for the frames of this set is over: the set window or, with SYNC, three
@@ -73,12 +73,13 @@ class SetAssembler {
   }
 
   // Outcome of an interval.
-  enum class Ended : std::uint8_t { kEmptyOrOut, kOnlyRepeats, kWithheld };
+  enum class Ended : std::uint8_t { kEmptyOrOut, kWithheld };
   Ended end_interval();
 
-  // Drops the interval. After either call the next interval counts as not following a whole one.
+  // The stream was interrupted: the next interval counts as not following a whole one, and the next
+  // stream may have another cycle time. drop() also drops the interval.
+  void interrupt();
   void drop();
-  void distrust() { trusted_ = false; }
 
   void note_sync(std::uint64_t now_us);
   void note_no_sync() { sync_in_use_ = false; }
@@ -88,34 +89,26 @@ class SetAssembler {
   bool is_on_time(std::uint32_t configured_us, std::uint64_t now_us) const;
 
  private:
-  // A frame of the last set that went out, kept to recognise repeats; identifier and mapping are
-  // not needed.
-  struct Sent {
-    std::uint8_t rpdo = 0;
-    std::uint8_t len = 0;
-    std::array<std::uint8_t, kFdPayload> data = {};
-  };
-
   std::uint64_t sync_period_us() const;
-  const Held* find(std::size_t rpdo) const;
-  bool repeats_previous(const Held& held) const;
+  Held* find(std::size_t rpdo, std::size_t count);
   void clear();
 
-  std::array<Held, kAxes> held_ = {};      // of this interval, in the order of arrival
-  std::array<Sent, kAxes> previous_ = {};  // the last set that went out
+  std::array<Held, kAxes> held_ = {};  // of this interval, in the order of arrival
   std::uint8_t held_count_ = 0;
-  std::uint8_t previous_count_ = 0;
+  std::uint8_t out_count_ = 0;  // the first entries of held_ are the set of the last interval
   std::uint32_t mapped_ = 0;    // bit k: a target of axis k is mapped
   std::uint32_t expected_ = 0;  // bit r: RPDO r belongs to the set
   std::uint32_t present_ = 0;
   bool synchronous_ = false;
-  bool trusted_ = false;      // the interval before was whole
+  bool trusted_ = false;      // the last interval with frames was whole, and nothing is late
   bool sync_in_use_ = false;  // SYNC has come within the stale time-out
   SetContent content_ = SetContent::kPartial;
   SetProgress progress_ = SetProgress::kWaiting;
   std::uint64_t begin_us_ = 0;
   std::uint64_t last_sync_us_ = 0;
   std::array<std::uint64_t, 3> sync_intervals_us_ = {};  // the last three, 0 before the first
+  std::uint32_t empty_ = 0;                   // SYNC intervals without frames since the last frame
+  std::array<std::uint32_t, 2> pauses_ = {};  // the same before the last two intervals with frames
   SetWindow window_;
 };
 

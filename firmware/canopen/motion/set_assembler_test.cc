@@ -84,15 +84,73 @@ TEST_F(SetAssemblerTest, Drop_WithholdsTheNextSet) {
   EXPECT_EQ(take(2, 7), SetEvent::kHeld) << "not the first set behind it";
 }
 
-TEST_F(SetAssemblerTest, RepeatsOfTheSentSet_AreNotCountedAsLoss) {
-  configure(1);
-  send_set(5);
+TEST_F(SetAssemblerTest, IncompleteSet_WithholdsTheNextEvenIfItRepeatsTargets) {
   for (const std::size_t rpdo : {1U, 2U}) {
-    take(rpdo, 5);
-    EXPECT_EQ(sets.end_interval(), SetAssembler::Ended::kOnlyRepeats) << rpdo;
-    take(rpdo, 6);
-    EXPECT_EQ(sets.end_interval(), SetAssembler::Ended::kWithheld) << rpdo;
+    for (const int value : {5, 6}) {
+      configure(255);
+      send_set(5);
+      send_set(5);
+      take(rpdo, value);
+      EXPECT_EQ(sets.end_interval(), SetAssembler::Ended::kWithheld) << rpdo;
+      take(1, 7);
+      EXPECT_EQ(take(2, 7), SetEvent::kHeld) << "the other frame could have been late";
+      sets.end_interval();
+      take(1, 8);
+      EXPECT_EQ(take(2, 8), SetEvent::kReady);
+    }
   }
+}
+
+// A SYNC every millisecond, a set behind every second, third, fifth one.
+TEST_F(SetAssemblerTest, TargetsSlowerThanSync_GoOutOnceTheirPauseIsKnown) {
+  for (const int every : {2, 3, 5}) {
+    sets = {};
+    configure(255);
+    std::uint64_t now_us = 0;
+    for (int k = 0; k < 10 * every; ++k) {
+      sets.end_interval();
+      sets.note_sync(now_us += 1000);
+      if (k % every != 0) continue;
+      take(1, k, now_us + 100);
+      const bool is_ready = take(2, k, now_us + 200) == SetEvent::kReady;
+      EXPECT_EQ(is_ready, k > every) << "one set of " << every << " at " << k;
+      if (is_ready) sets.set_progress(SetProgress::kOut);
+    }
+    // Nothing for a whole cycle: its frames may still arrive.
+    for (int k = 0; k < every + 1; ++k) {
+      sets.end_interval();
+      sets.note_sync(now_us += 1000);
+    }
+    take(1, 7, now_us + 100);
+    EXPECT_EQ(take(2, 7, now_us + 200), SetEvent::kHeld);
+  }
+}
+
+TEST_F(SetAssemblerTest, RepeatBehindItsSetWithoutSync_BeginsNoInterval) {
+  configure(255);
+  std::uint64_t now_us = 0;
+  for (int k = 0; k < 12; ++k) {  // a window of 500 us is learnt
+    take(1, k, now_us += 1'000);
+    if (take(2, k, now_us + 200) == SetEvent::kReady) sets.set_progress(SetProgress::kOut);
+    sets.end_interval();
+  }
+  ASSERT_EQ(sets.window_us(0), 500U);
+  EXPECT_EQ(take(2, 11, now_us + 499), SetEvent::kRepeated);
+  EXPECT_TRUE(sets.frames().empty());
+  EXPECT_EQ(take(2, 11, now_us + 500), SetEvent::kHeld) << "may be of the next cycle";
+  EXPECT_EQ(take(1, 12, now_us + 600), SetEvent::kReady);
+}
+
+TEST_F(SetAssemblerTest, EqualTargets_AreRepeatsAndTheNewestFrameGoesOut) {
+  configure(1);
+  sets.note_sync(1'000);
+  take(1, 5);
+  CanFrame longer = make_frame(0x300, {5, 5, 0, 0, 9});
+  EXPECT_EQ(sets.take(pdos.rpdo(1), 1, longer, 0), SetEvent::kRepeated)
+      << "no target is mapped to 9";
+  EXPECT_EQ(sets.frames()[0].frame.len, 5);
+  longer.data[0] = 6;
+  EXPECT_EQ(sets.take(pdos.rpdo(1), 1, longer, 0), SetEvent::kContradicted);
 }
 
 TEST_F(SetAssemblerTest, AWholeSet_WaitsForItsSyncForTwoIntervals) {

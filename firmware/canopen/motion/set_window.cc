@@ -1,6 +1,7 @@
 #include "firmware/canopen/motion/set_window.h"
 
 #include <algorithm>
+#include <bit>
 
 namespace armtrue::canopen {
 
@@ -11,6 +12,7 @@ void SetWindow::restart(std::uint32_t expected) {
 
 void SetWindow::begin_round(std::uint64_t now_us) {
   seen_ = 1U << anchor_;
+  frames_ = 1;
   longest_us_ = 0;
   second_us_ = 0;
   total_us_ = 0;
@@ -33,20 +35,25 @@ void SetWindow::note(std::size_t rpdo, std::uint64_t now_us) {
     end_round();
     return begin_round(now_us);
   }
-  if ((seen_ & bit) != 0) agreed_ = 0;  // not exactly one frame of each RPDO
   seen_ |= bit;
+  ++frames_;
 }
 
 void SetWindow::end_round() {
+  const bool has_each_once =
+      seen_ == expected_ && frames_ == static_cast<std::uint32_t>(std::popcount(expected_));
   const bool has_pause = longest_us_ * 4U > second_us_ * kPauseQuarters;
-  if (seen_ != expected_ || !has_pause) {
+  if (!has_each_once || !has_pause) {
     agreed_ = 0;
+    // No pause separates the sets any more. A lost frame hides the pause, too: it proves nothing.
+    if (has_each_once) learnt_us_ = 0;
     return;
   }
   // Half-way between the last frame of a set (total - longest) and the earliest frame of the next
   // cycle that could replace a missing first one (total - second).
   const std::uint32_t window_us = total_us_ - (longest_us_ + second_us_) / 2;
   const std::uint32_t span_us = total_us_ - longest_us_;
+  learnt_us_ = std::min(learnt_us_, window_us);
   candidate_us_ = agreed_ == 0 ? window_us : std::min(candidate_us_, window_us);
   widest_us_ = agreed_ == 0 ? span_us : std::max(widest_us_, span_us);
   if (widest_us_ >= candidate_us_) {

@@ -3,7 +3,8 @@
 // A controller without SYNC sends the frames of a set and then pauses. The pause separates the
 // sets: a missing frame must not be replaced by that of the next cycle. The window starts with the
 // value of 0x2000 sub 4; a longer one is learnt if the controller's pause is clearly longer than
-// any gap between the frames of a set.
+// any gap between the frames of a set. Eight rounds make it longer, one makes it shorter: a window
+// that is too long for the stream mixes two cycles after a lost frame.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_WINDOW_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_WINDOW_H_
 
@@ -26,6 +27,9 @@ class SetWindow {
     return std::max(learnt_us_, configured_us);
   }
 
+  // The same as learnt from the stream alone; 0 if nothing was learnt.
+  std::uint32_t learnt_us() const { return learnt_us_; }
+
   // Consecutive rounds that must agree before a window counts as learnt.
   static constexpr std::uint32_t kRounds = 8;
   // The longest gap of a round is the pause if it exceeds this many quarters of the second longest.
@@ -36,7 +40,8 @@ class SetWindow {
   void begin_round(std::uint64_t now_us);
 
   std::uint32_t expected_ = 0;
-  std::uint32_t seen_ = 0;  // bit r: RPDO r came in this round, since the last frame of anchor_
+  std::uint32_t seen_ = 0;    // bit r: RPDO r came in this round, since the last frame of anchor_
+  std::uint32_t frames_ = 0;  // of this round
   std::uint64_t last_us_ = 0;
   std::uint32_t longest_us_ = 0;  // gaps of this round
   std::uint32_t second_us_ = 0;

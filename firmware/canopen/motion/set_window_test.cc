@@ -109,6 +109,38 @@ TEST_F(SetWindowTest, ChangedPause_IsLearntAfterEightRounds) {
   EXPECT_EQ(in_force(), 1000U);
 }
 
+TEST_F(SetWindowTest, OneFasterRound_ShortensTheWindow) {
+  expect_frames(3);
+  sets(9, {100, 100}, 3800);
+  ASSERT_EQ(in_force(), 2050U);
+  sets(1, {100, 100}, 800);
+  set({}, 0);  // its frame ends the faster round
+  EXPECT_EQ(in_force(), 550U);
+}
+
+TEST_F(SetWindowTest, OneRoundWithoutAPause_ForgetsWhatWasLearnt) {
+  expect_frames(3);
+  sets(9, {100, 100}, 3800);
+  sets(1, {333, 333}, 334);
+  set({}, 0);
+  EXPECT_EQ(in_force(), kConfigured);
+}
+
+TEST_F(SetWindowTest, LostFrame_KeepsTheWindow) {
+  expect_frames(3);
+  for (const int lost : {0, 1, 2}) {
+    SCOPED_TRACE(lost);
+    sets(9, {900, 900}, 2200);
+    ASSERT_EQ(in_force(), 2450U);
+    if (lost != 0) window.note(2, now_us);
+    if (lost != 1) window.note(3, now_us + 900);
+    if (lost != 2) window.note(4, now_us + 1800);
+    now_us += 4000;
+    sets(1, {900, 900}, 2200);
+    EXPECT_EQ(in_force(), 2450U);
+  }
+}
+
 TEST_F(SetWindowTest, Restart_ForgetsWhatWasLearnt) {
   expect_frames(2);
   sets(9, {100}, 900);

@@ -89,6 +89,18 @@ TEST_P(InlineStreamTest, SyncStops_TheSetWindowTakesOver) {
   EXPECT_GT(counters().sets, sets + 70) << "20 ms of it: SYNC could still be late";
 }
 
+TEST_P(StreamTest, AsynchronousTargetsSlowerThanSync_GoOut) {
+  settle();
+  for (const int every : {2, 3}) {
+    const std::uint32_t before = counters().sets;
+    for (int k = 0; k < 10 * every; ++k) {
+      bench.next_sync();
+      if (k % every == 0) bench.command_joints(kStand);
+    }
+    EXPECT_GE(counters().sets, before + 9) << "all but the first at this rate";
+  }
+}
+
 TEST_P(InlineStreamTest, PdoReconfiguration_UndoesTheSetThatWaitsForSync) {
   make_synchronous();
   ASSERT_EQ(bench.write(0x2000, 3, 1'000'000, 4), 0U);
