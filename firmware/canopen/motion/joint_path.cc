@@ -24,6 +24,7 @@ void JointPath::configure(const PdoTable& pdos) {
   take_back();
   take_back_unsent();
   sets_.configure(pdos);
+  stops_.configure(pdos.rpdos());
   drives_.keep(mapped_axes(pdos.rpdos(), kStatusword), mapped_axes(pdos.rpdos(), kModeDisplay));
   const bool waits = std::ranges::any_of(pdos.tpdos(), [](const Pdo& pdo) {
     return pdo.valid && pdo.is_synchronous() && pdo.mapping.has_axis_object(kPositionOffset);
@@ -92,6 +93,7 @@ void JointPath::take_back_unsent() {
 
 void JointPath::end_interval() {
   take_back();
+  if (!sets_.frames().empty()) sets_pass_ = sets_.progress() == SetProgress::kOut;
   if (sets_.end_interval() == SetAssembler::Ended::kWithheld) count(counters_.withheld);
 }
 
@@ -132,6 +134,16 @@ bool JointPath::take_target(const Pdo& pdo, std::size_t rpdo, const CanFrame& fr
   target_latency_.note(static_cast<std::uint32_t>(clock_us_() - complete_us));
   if (!sets_.sync_in_use()) end_interval();
   return is_out;
+}
+
+void JointPath::forward_stop(const Pdo& pdo, const CanFrame& frame) {
+  if (frame.len < pdo.mapping.length || !stops_.commands_stop(pdo, frame)) return;
+  // A drive may have missed a command that was sent: it was switched off, or its bus was. As long
+  // as sets go out, each of them repeats the command; otherwise its repetitions pass as well.
+  if (sets_pass_ && !stops_.is_new(pdo, frame)) return;
+  const CanFrame stop = stops_.stop_frame(pdo, frame);
+  if (!downstream_->send_command(stop, {})) return count(counters_.output_refused);
+  stops_.note_sent(pdo, stop);
 }
 
 bool JointPath::on_sync(std::uint64_t now_us) {
@@ -279,6 +291,7 @@ bool JointPath::release(std::uint64_t now_us) {
     phase_ = Phase::kCorrecting;
   }
   sets_.set_progress(SetProgress::kOut);
+  sets_pass_ = true;
   is_offset_set_ = mode_ == Mode::kOffset;
   if (!is_offset_set_ && !is_refused_) note_set_out(now_us);
   return true;
@@ -324,7 +337,10 @@ std::size_t JointPath::send_set() {
                              static_cast<std::uint8_t>(output_.cycle)};
     refused = refused || !downstream_->send_command(frame, command);
     sent += refused ? 0U : 1U;
-    if (!refused) continue;
+    if (!refused) {
+      stops_.note_sent(*held.pdo, frame);
+      continue;
+    }
     count(counters_.output_refused);
     unsent_ = static_cast<std::uint8_t>(unsent_ | joints);
   }
@@ -411,6 +427,7 @@ void JointPath::accept_reference() {
 
 void JointPath::interrupted() {
   streaming_ = false;
+  sets_pass_ = false;
   sets_.interrupt();
   compensator_.restart_stream();
   drives_.note_stand();
@@ -466,6 +483,7 @@ void JointPath::stop() {
   sets_.drop();
   evaluated_since_us_.reset();
   heard_standing_ = 0;
+  sets_pass_ = false;
   waiting_since_us_ = last_set_us_;
   emcy_.clear(Condition::kSetsWithheld);
   if (streaming_) interrupted();

@@ -33,6 +33,7 @@
 #include "firmware/canopen/motion/latency.h"
 #include "firmware/canopen/motion/sensor_inputs.h"
 #include "firmware/canopen/motion/set_assembler.h"
+#include "firmware/canopen/motion/stop_forwarder.h"
 #include "firmware/canopen/protocol/can_port.h"
 #include "firmware/canopen/protocol/command_backlog.h"
 #include "firmware/canopen/protocol/emcy.h"
@@ -129,6 +130,14 @@ class JointPath {
 
   // Takes a target frame. Returns true if it put out a corrected set.
   bool take_target(const Pdo& pdo, std::size_t rpdo, const CanFrame& frame, std::uint64_t now_us);
+
+  // Inline: passes on a target frame that commands a drive to stop, if that drive does not have the
+  // command yet or sets do not go out. Call after take_target(), which may have sent it.
+  void forward_stop(const Pdo& pdo, const CanFrame& frame);
+  // A frame was passed on to the drives unchanged.
+  void note_forwarded(const Pdo& pdo, const CanFrame& frame) {
+    if (frame.len >= pdo.mapping.length) stops_.note_sent(pdo, frame);
+  }
 
   // Puts out the set that waits for SYNC and ends the interval. Returns true if it put out a set.
   bool on_sync(std::uint64_t now_us);
@@ -266,6 +275,7 @@ class JointPath {
   std::uint8_t joint_count_;
 
   SetAssembler sets_;
+  StopForwarder stops_;
   DriveStates drives_;
   SensorInputs inputs_;
   OffsetOutput offset_output_ = OffsetOutput::kAtOnce;
@@ -293,6 +303,7 @@ class JointPath {
   std::array<std::uint32_t, kMaxJoints> strange_offsets_ = {};
   std::uint16_t last_flags_ = 0;
   bool streaming_ = false;
+  bool sets_pass_ = false;  // the last interval with frames put out its set
   bool seen_target_ = false;
   bool is_refused_ = false;  // the drives' bus refused the last set or a part of it
   // The drives' bus discarded outputs. Until one has left again, sets go out one at a time, so that

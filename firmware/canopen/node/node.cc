@@ -198,12 +198,14 @@ void Node::handle_upstream(const CanFrame& frame) {
   const std::size_t number = pdos_.match(frame);
   const bool is_target = joints_.carries_target(number);
   if (number < kRpdos) handle_rpdo(number, frame);
-  // In inline mode the joint path decides whether and when a target is passed on.
-  if (is_target && mode() == Mode::kInline) return;
+  // In inline mode the joint path decides whether and when a target is passed on. A command to stop
+  // passes in every NMT state.
+  if (is_target && mode() == Mode::kInline) return joints_.forward_stop(pdos_.rpdo(number), frame);
   if (withholds(frame)) return;
   if (parts_.downstream == nullptr) return;
   watch_sdo_targets(frame);
-  to_drives(frame);
+  const bool is_out = to_drives(frame);
+  if (is_out && number < kRpdos) joints_.note_forwarded(pdos_.rpdo(number), frame);
 }
 
 bool Node::withholds(const CanFrame& frame) {
@@ -234,11 +236,12 @@ void Node::handle_downstream(CanFrame& frame) {
   count(is_out ? from_downstream_.forwarded : from_downstream_.dropped);
 }
 
-void Node::to_drives(const CanFrame& frame) {
+bool Node::to_drives(const CanFrame& frame) {
   CanPort& port = *parts_.downstream;
   const bool is_out =
       is_service(frame) && !is_sync(frame) ? port.send(frame) : port.send_command(frame, {});
   count(is_out ? from_upstream_.forwarded : from_upstream_.dropped);
+  return is_out;
 }
 
 bool Node::serve(const CanFrame& frame) {

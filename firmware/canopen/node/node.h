@@ -7,8 +7,9 @@
 //
 // With a downstream port every frame is passed on bit-identical, both ways, except: requests to
 // this node's own SDO server, and in inline mode the target frames (held, rewritten, released as a
-// set; withheld if their mapping has ended under a correction) and the actual-position frames
-// (rewritten). NMT and SYNC are obeyed from upstream only.
+// set; a stop command in one passes at once; withheld if their mapping has ended under a
+// correction) and the actual-position frames (rewritten). NMT and SYNC are obeyed from upstream
+// only.
 //
 // The port calls process() repeatedly from one context. Only table commands and writes that erase
 // flash block. Table commands are refused while joint commands arrive. An erase stops forwarding
@@ -127,8 +128,8 @@ class Node final : private ObjectHooks, private DriveGuard {
   // the drives' offsets are zero.
   void carry_out();
   void watch_sdo_targets(const CanFrame& frame);
-  // Passes a frame on to the drives' bus.
-  void to_drives(const CanFrame& frame);
+  // Passes a frame on to the drives' bus. Returns whether the bus took it.
+  bool to_drives(const CanFrame& frame);
   void communication_error();
   void watch_buses();
   void note_nmt_state();
