@@ -191,6 +191,12 @@ BeyondTables beyond_tables(const Fit& fit) {
   return beyond;
 }
 
+std::vector<Eigen::Index> in_order(const Model& model) {
+  std::vector<Eigen::Index> places(model.parameters.size());
+  std::iota(places.begin(), places.end(), 0);
+  return places;
+}
+
 // Standard deviation of a parameter that has no prior [m or rad].
 constexpr double kNoPriorSigma = 1.0;
 
@@ -316,11 +322,6 @@ std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
   Design of_history(state, rows, unforeseen.model, fit.kinematics());
   const Eigen::MatrixXd by_history =
       spread_of(unforeseen, covariance, places_in(whole.design, of_history));
-  const auto in_order = [](const Model& model) {
-    std::vector<Eigen::Index> places(model.parameters.size());
-    std::iota(places.begin(), places.end(), 0);
-    return places;
-  };
   const BeyondTables beyond = beyond_tables(fit);
   Design of_beyond(state, rows, beyond.model, fit.kinematics());
   std::vector<Eigen::Matrix3d> covariances;
