@@ -94,7 +94,7 @@ def test_day_month_order_that_sorts_the_rows_is_taken(tmp_path, campaign):
     cells = [f"{stamp}:{at:02d}" for stamp in stamps for at in range(27)][:80]
     found = read(campaign, tmp_path, file_of(campaign, tmp_path, Stamp=cells))
     assert found.dataset["time"]["format"] == "%m/%d/%Y %H:%M:%S"
-    assert "as the rows are then in order of time, which goes back 1 times" in found.said
+    assert "as the rows are then in order of time, which goes back 1 time with" in found.said
 
 
 def test_undecidable_day_month_order_is_noted(tmp_path, campaign):
