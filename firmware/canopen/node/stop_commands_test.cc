@@ -1,13 +1,12 @@
 // Stop commands in target frames reach their drives whatever becomes of the set, and neither they
 // nor any single fault mix the targets of two cycles.
-#include "firmware/canopen/motion/stop_forwarder.h"
-
 #include <gtest/gtest.h>
 
 #include <random>
 #include <set>
 #include <utility>
 
+#include "firmware/canopen/motion/stop_forwarder.h"
 #include "firmware/testing/node_bench.h"
 #include "firmware/testing/test_table.h"
 
