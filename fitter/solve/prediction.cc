@@ -150,7 +150,8 @@ struct BeyondTables {
   Eigen::MatrixXd covariance;
 };
 
-// Rises from 0 at the first or last node to 1 where the table's hats end.
+// 0 between the first and the last node; beyond them it rises to 1 over the width of one cell,
+// where the last hat function has become zero.
 Expression beyond_nodes(const TableReference::Axis& axis) {
   const auto text = [](double v) { return Expression::number(v).to_string(); };
   const std::size_t last = axis.nodes.size() - 1;

@@ -65,5 +65,5 @@ def value_and_sigma(value: float, sigma: float | None, unit: str) -> tuple[str, 
 
 
 def plural(count: int, word: str, many: str = "") -> str:
-    """`1 row`, `2 rows`; `many`: the plural of a word that does not take an s."""
+    """A count and its noun: "1 row", "2 rows". many: the plural of a noun that does not only add an s."""
     return f"{count} {word if count == 1 else many or word + 's'}"

@@ -107,8 +107,10 @@ class SetAssembler {
   std::uint64_t begin_us_ = 0;
   std::uint64_t last_sync_us_ = 0;
   std::array<std::uint64_t, 3> sync_intervals_us_ = {};  // the last three, 0 before the first
-  std::uint32_t empty_ = 0;                   // SYNC intervals without frames since the last frame
-  std::array<std::uint32_t, 2> pauses_ = {};  // the same before the last two intervals with frames
+  // SYNC intervals in a row without a target frame: now, and before each of the last two intervals
+  // that had one.
+  std::uint32_t empty_ = 0;
+  std::array<std::uint32_t, 2> pauses_ = {};
   SetWindow window_;
 };
 

@@ -1,5 +1,5 @@
-// Stop commands in target frames reach their drives whatever becomes of the set, and neither they
-// nor any single fault mix the targets of two cycles.
+// A stop command in a target frame reaches its drive even if the frame's set does not go out. No
+// set that goes out has targets of two cycles, also with stop commands or after a single fault.
 #include <gtest/gtest.h>
 
 #include <random>

@@ -1,9 +1,10 @@
 // Limits how many control cycles have commands that wait in a port.
 //
 // A port may discard commands that it has accepted. The correction then continues from the cycle
-// before the oldest of them, which the compensator must still remember. The time that commands may
-// wait does not limit their number: it depends on the control period. Therefore a cycle is computed
-// only while the commands of at most kFeedbackHistory - 1 cycles, itself included, can be waiting.
+// before the oldest of them, so the compensator must still remember that cycle. Commands are
+// discarded after a fixed time, but in that time a short control period makes more cycles than the
+// compensator remembers. A new cycle is therefore computed only if, with its own, commands of at
+// most kFeedbackHistory - 1 cycles would be waiting.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_COMMAND_BACKLOG_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_PROTOCOL_COMMAND_BACKLOG_H_
 

@@ -82,7 +82,10 @@ def _relaxed(readings: Sequence[Reading]) -> Array:
 
 
 def relaxed_system(reading: Reading) -> tuple[Array, Array]:
-    """The rows (N, 3, unknowns) and right sides (N, 3) of the relaxed problem; unknowns: bases first, then tools."""
+    """Matrix (N, 3, unknowns) and right side (N, 3) of the relaxed problem: three equations for each measurement.
+
+    Unknowns: the 12 of each set-up of the tracker, then the position of each tool.
+    """
     columns = reading.columns
     flange = flanges(columns, reading.spec)
     point = np.column_stack([columns[name] for name in POSITION])

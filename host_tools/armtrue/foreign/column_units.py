@@ -117,7 +117,7 @@ def _joint_units(part: Part, prismatic: set[str]) -> None:
 
 
 def _source(part: Part, headers: list[str], otherwise: str) -> str:
-    """What states the unit of columns; `otherwise`: from what it is guessed."""
+    """Words that say where the unit of these columns is stated, or, if it is guessed, from what (`otherwise`)."""
     stated = [header for header in headers if header in part.sheet.units]
     return part.sheet.sources.get(stated[0], "as its header says") if stated else f"as {otherwise}"
 

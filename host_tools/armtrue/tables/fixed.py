@@ -22,7 +22,8 @@ MAGNITUDE_CLAMPED = 1
 NEAR_SINGULAR = 4
 OUTSIDE_COVERAGE = 8
 STATE_SATURATED = 16
-# Steps of the firmware's inputs per kelvin, kilogram and second (docs/table-format.md).
+# The firmware takes temperature, payload and time as integers: counts per kelvin, kilogram and second
+# (docs/table-format.md).
 _TEMPERATURE_SCALE = 2.0**20
 _PAYLOAD_SCALE = 2.0**20
 _TIME_SCALE = 2.0**10
