@@ -190,7 +190,10 @@ std::string remedy(const StructureFinding& f, const Fit& fit) {
   }
   if (table) return *table;
   std::string expressions;
-  if (one) {
+  if (f.has_own_form) {
+    for (const Parameter& p : f.block.terms.parameters)
+      expressions += (expressions.empty() ? "" : ", ") + p.terms.front().basis.to_string();
+  } else if (one) {
     const std::string& v = f.variables.front();
     expressions = v.starts_with("dir") ? v : v + ", " + v + "^2, " + v + "^3";
   } else {

@@ -291,10 +291,10 @@ void describe_shape(StructureFinding& finding,
   double travel = 0.0, jump = 0.0;
   std::size_t jump_at = 0;
   for (std::size_t i = 1; i < finding.y.size(); ++i) {
-    const double step = finding.y[i] - finding.y[i - 1];
-    travel += std::abs(step);
-    if (std::abs(step) > jump) {
-      jump = std::abs(step);
+    const double rise = finding.y[i] - finding.y[i - 1];
+    travel += std::abs(rise);
+    if (std::abs(rise) > jump) {
+      jump = std::abs(rise);
       jump_at = i;
     }
   }
@@ -442,7 +442,7 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
   // other effects take their place.
   for (std::optional<StructureFinding> finding :
        {find_new_set_up(scorer, fit), find_knock(scorer, fit), find_swings(scorer, fit.state()),
-        find_motion(scorer, fit.state())}) {
+        find_motion(scorer, fit.state()), find_uneven_spring(scorer, fit)}) {
     if (!finding) continue;
     const bool is_cause = finding->tried > 0;
     finding->log10_p = log10_p_among(finding->score, is_cause ? finding->tried : structure.tried);

@@ -61,6 +61,11 @@ std::optional<StructureFinding> find_swings(const Scorer& scorer, const State& s
 /// whose direction of approach is not recorded. Leaves `log10_p` to the caller.
 std::optional<StructureFinding> find_motion(const Scorer& scorer, const State& state);
 
+/// Finds the joint whose spring is softer at some of its angles than at others, once or twice a
+/// turn: the likeliest. Leaves `log10_p` to the caller. Returns nothing if the arm's masses are
+/// not given.
+std::optional<StructureFinding> find_uneven_spring(const Scorer& scorer, const Fit& fit);
+
 /// Tests all variables of the data. Findings have a corrected log10 p below `threshold`.
 Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold);
 

@@ -17,7 +17,8 @@ enum class Folding {
   kRegion   ///< clusters of tool positions
 };
 
-/// Fold number (0…folds−1) of every row. Deterministic for a seed.
+/// Fold number (0…folds−1) of every row. Depends on the poses and the seed, not on the order of the
+/// rows (but for kTime if no time is recorded).
 std::vector<int> make_folds(const Design& design, Folding folding, int folds, std::uint64_t seed);
 
 /// Held-out distance [m] between measured and predicted position of every row, predicted by the fit
@@ -33,6 +34,7 @@ std::vector<std::vector<double>> held_out_distances(const Design& design,
                                                     int folds, double smoothness_sigma);
 
 /// Errors on poses that were held out at random, in blocks of time, and by region, in this order.
+/// Those at random are averages over several splits if there are few poses.
 struct CrossValidation {
   std::vector<ErrorSummary> errors = std::vector<ErrorSummary>(3);
   /// [m] by row, as held_out_distances() returns them.
