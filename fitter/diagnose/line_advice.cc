@@ -79,8 +79,8 @@ std::string grid_words(const JointSpectrum& spectrum, double cycles) {
   const double grid =
       spectrum.slides ? 1e3 * spectrum.grid : spectrum.grid * 180.0 / std::numbers::pi;
   return "q" + std::to_string(spectrum.joint) + " stands on a grid of " + number_words(grid) +
-         (spectrum.slides ? " mm" : " deg") + ", on which " + others +
-         " look the same: measure poses between to tell";
+         (spectrum.slides ? " mm" : " deg") + ", on which " + others + " look the same as " +
+         line_words(spectrum.slides, cycles) + ": measure poses between to tell";
 }
 
 }  // namespace
@@ -89,22 +89,26 @@ std::vector<std::string> line_advice(const EffectRequest& request,
                                      const std::vector<JointSpectrum>& spectra,
                                      const Robot& robot) {
   const bool slides = request.options.contains("wavelengths");
-  if (!slides && !request.options.contains("cycles")) return {};
+  const bool by_order = request.options.contains("orders");
+  if (!slides && !by_order && !request.options.contains("cycles")) return {};
   const int joint = request.joints.front();
   const double turns = robot.joints[static_cast<std::size_t>(joint - 1)].gear_ratio;
   const auto spectrum = std::ranges::find(spectra, joint, &JointSpectrum::joint);
   std::vector<std::string> on_grid, by_motor;
   std::vector<double> all;
-  for (const auto& value : request.options[slides ? "wavelengths" : "cycles"]) {
-    const double cycles = slides ? 1.0 / value.get<double>() : value.get<double>();
+  const char* key = slides ? "wavelengths" : by_order ? "orders" : "cycles";
+  for (const auto& value : request.options[key]) {
+    const auto number = value.get<double>();
+    const double cycles = slides ? 1.0 / number : by_order ? number * std::abs(turns) : number;
     all.push_back(cycles);
-    if (spectrum == spectra.end()) continue;
+    if (spectrum == spectra.end() || cycles == 0.0) continue;
     if (std::string words = grid_words(*spectrum, cycles); !words.empty())
       on_grid.push_back(std::move(words));
-    if (!slides && turns > 0.0)
+    if (!slides && !by_order && turns > 0.0)
       by_motor.push_back(motor_words(cycles, turns, spectrum->resolution));
   }
   std::vector<std::string> advice = std::move(on_grid);
+  if (by_order) return advice;
   advice.push_back(lines_words(slides, all) + " on joint " + std::to_string(joint) +
                    (slides ? ": look for a screw or pinion that travels so far a turn"
                            : ": look for a gear or bearing of that count"));

@@ -49,6 +49,11 @@ TEST(LineAdvice, WithoutGearRatio_NamesTheCountOnly) {
 TEST(LineAdvice, PositionsOnAGrid_NamesTheAliases) {
   const std::string words = advice_on({{"cycles", {13.0}}}, 0.1745329251994330).front();
   EXPECT_EQ(words.find("q5 stands on a grid of 10 deg, on which 23 cycles a turn"), 0u) << words;
+  // The motor turns 120 times: on a grid of 50 deg (7.2 positions a turn) that is like 2.4 turns.
+  EXPECT_EQ(advice_on({{"orders", {1.0}}}, 0.8726646259971648),
+            (std::vector<std::string>{
+                "q5 stands on a grid of 50 deg, on which 2.4 cycles a turn and 4.8 cycles a turn "
+                "look the same as 120 cycles a turn: measure poses between to tell"}));
 }
 
 }  // namespace

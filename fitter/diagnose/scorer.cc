@@ -100,15 +100,17 @@ Scorer::Scorer(const Fit& fit, const Linearization& linearization)
 }
 
 std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks, bool robust) const {
-  // Batches of blocks: one matrix product serves many, and memory stays small.
-  constexpr Eigen::Index kBatchColumns = 256;
+  // Batches of blocks: one matrix product serves many, and a batch stays in the processor's cache.
+  constexpr Eigen::Index kMostColumns = 256, kFewestColumns = 48, kBatchNumbers = 1 << 20;
+  const Eigen::Index columns_of_batch =
+      std::clamp(kBatchNumbers / l_.equations(), kFewestColumns, kMostColumns);
   const auto width_of = [&](std::size_t b) {
     return static_cast<Eigen::Index>(blocks[b].terms.parameters.size());
   };
   std::vector<std::size_t> batches{0};  // first block of each, and the end
   Eigen::Index columns = 0;
   for (std::size_t b = 0; b < blocks.size(); ++b) {
-    if (b > batches.back() && columns + width_of(b) > kBatchColumns) {
+    if (b > batches.back() && columns + width_of(b) > columns_of_batch) {
       batches.push_back(b);
       columns = 0;
     }

@@ -182,11 +182,21 @@ double JointSpectrum::folded(double line) const {
 }
 
 std::vector<double> JointSpectrum::aliases(double line) const {
+  constexpr std::size_t kNamed = 2;
+  constexpr double kSame = 1e-6, kFewest = 0.5;
   const double period = alias_period(), most = slides ? 1.0 / kShortestWave : kWideCycles;
   std::vector<double> result;
   if (period == 0.0) return result;
-  for (const double other : {period - line, period + line}) {
-    if (other <= most) result.push_back(other);
+  const double lowest = folded(line);
+  const auto offer = [&](double other) {
+    if (other >= kFewest && other <= most && std::abs(other - line) > kSame * line)
+      result.push_back(other);
+  };
+  offer(lowest);
+  for (double centre = period; result.size() < kNamed && centre - lowest <= most;
+       centre += period) {
+    offer(centre - lowest);
+    if (result.size() < kNamed) offer(centre + lowest);
   }
   return result;
 }

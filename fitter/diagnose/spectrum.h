@@ -21,8 +21,8 @@ struct JointSpectrum {
   /// The lowest number of cycles that the grid cannot distinguish from `line`; `line` without a
   /// grid.
   double folded(double line) const;
-  /// The nearest aliases of `line` on the grid, of those that any spectrum covers; none without a
-  /// grid.
+  /// The two lowest aliases of `line` on the grid, of those that any spectrum covers; none without
+  /// a grid.
   std::vector<double> aliases(double line) const;
 
  private:
