@@ -5,8 +5,8 @@
 // value of 0x2000 sub 4; a longer one is learnt if the controller's pause is clearly longer than
 // any gap between the frames of a set. Eight rounds make it longer, one makes it shorter: a window
 // that is too long for the stream mixes two cycles after a lost frame.
-#ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_WINDOW_H_
-#define ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_WINDOW_H_
+#ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_SETS_SET_WINDOW_H_
+#define ARMTRUE_FIRMWARE_CANOPEN_MOTION_SETS_SET_WINDOW_H_
 
 #include <algorithm>
 #include <cstddef>
@@ -55,4 +55,4 @@ class SetWindow {
 
 }  // namespace armtrue::canopen
 
-#endif  // ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_WINDOW_H_
+#endif  // ARMTRUE_FIRMWARE_CANOPEN_MOTION_SETS_SET_WINDOW_H_

@@ -3,15 +3,15 @@
 // An *interval* collects the frames of one cycle. It ends with SYNC if SYNC is in use, otherwise
 // with the set window or a newer frame of the same RPDO. SetContent and SetProgress are its state.
 // No set is ever repeated, completed from an older cycle or extrapolated.
-#ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_ASSEMBLER_H_
-#define ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_ASSEMBLER_H_
+#ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_SETS_SET_ASSEMBLER_H_
+#define ARMTRUE_FIRMWARE_CANOPEN_MOTION_SETS_SET_ASSEMBLER_H_
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 
-#include "firmware/canopen/motion/set_window.h"
+#include "firmware/canopen/motion/sets/set_window.h"
 #include "firmware/canopen/protocol/pdo.h"
 
 namespace armtrue::canopen {
@@ -116,4 +116,4 @@ class SetAssembler {
 
 }  // namespace armtrue::canopen
 
-#endif  // ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_ASSEMBLER_H_
+#endif  // ARMTRUE_FIRMWARE_CANOPEN_MOTION_SETS_SET_ASSEMBLER_H_

@@ -1,4 +1,4 @@
-#include "firmware/canopen/motion/set_window.h"
+#include "firmware/canopen/motion/sets/set_window.h"
 
 #include <algorithm>
 #include <bit>

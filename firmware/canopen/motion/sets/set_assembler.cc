@@ -1,4 +1,4 @@
-#include "firmware/canopen/motion/set_assembler.h"
+#include "firmware/canopen/motion/sets/set_assembler.h"
 
 #include <algorithm>
 #include <bit>

@@ -1,5 +1,5 @@
 // The set window that is learnt from a controller without SYNC.
-#include "firmware/canopen/motion/set_window.h"
+#include "firmware/canopen/motion/sets/set_window.h"
 
 #include <gtest/gtest.h>
 
