@@ -22,8 +22,8 @@ class InlineOutput {
   // `downstream`: nullptr with one bus, where inline mode is refused.
   explicit InlineOutput(CanPort* downstream) : downstream_(downstream) {}
 
-  // Takes new mappings; what was sent before is forgotten.
-  void configure(std::span<const Pdo> rpdos) { stops_.configure(rpdos); }
+  // What was sent before does not count any more.
+  void forget_sent() { stops_.forget(); }
 
   struct Sent {
     std::size_t frames = 0;   // that the bus took, in the order of arrival

@@ -25,13 +25,15 @@ void JointPath::configure(const PdoTable& pdos) {
   take_back();
   take_back_unsent();
   sets_.configure(pdos);
-  inline_output_.configure(pdos.rpdos());
+  sets_pass_ = false;
   drives_.keep(mapped_axes(pdos.rpdos(), kStatusword), mapped_axes(pdos.rpdos(), kModeDisplay));
   const bool waits = std::ranges::any_of(pdos.tpdos(), [](const Pdo& pdo) {
     return pdo.valid && pdo.is_synchronous() && pdo.mapping.has_axis_object(kPositionOffset);
   });
   offset_output_ = waits ? OffsetOutput::kWithSync : OffsetOutput::kAtOnce;
   offset_axes_ = mapped_axes(pdos.tpdos(), kPositionOffset);
+  // A set that has lost its mapping has sent what its drives hold.
+  if (is_configured()) inline_output_.forget_sent();
 }
 
 std::uint32_t JointPath::axes_with_drives() const {

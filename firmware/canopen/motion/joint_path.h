@@ -133,7 +133,8 @@ class JointPath {
   bool take_target(const Pdo& pdo, std::size_t rpdo, const CanFrame& frame, std::uint64_t now_us);
 
   // Inline: passes on a target frame that commands a drive to stop, if that drive does not have the
-  // command yet or sets do not go out. Call after take_target(), which may have sent it.
+  // command yet or sets do not go out. Call after take_target(), which may have sent it. `pdo`:
+  // also one of a set that has lost its mapping.
   void forward_stop(const Pdo& pdo, const CanFrame& frame);
   // A frame was passed on to the drives unchanged.
   void note_forwarded(const Pdo& pdo, const CanFrame& frame) {

@@ -238,6 +238,34 @@ TEST_F(StopTest, FullBus_TheNextFrameTriesAgain) {
   EXPECT_EQ(drives[0].controlword, kQuickStop);
 }
 
+TEST_F(StopTest, MappingThatEndsUnderACorrection_StopsPassAndTargetsDoNot) {
+  for (const bool is_reset : {true, false}) {
+    run(50);
+    ASSERT_NE(held(), target) << "a correction";
+    bench.nmt(is_reset ? 130 : 128);
+    if (!is_reset) {
+      bench.run_for(600'000);
+      EXPECT_EQ(bench.write(0x1400, 1, 0x80000301, 4), 0U);
+      EXPECT_EQ(bench.write(0x1404, 1, 0x80000305, 4), 0U);
+    }
+    const Joints before = held();
+    cycle(kOperation);
+    EXPECT_EQ(drives[0].frames, 0);
+    for (int k = 0; k < 3; ++k) {
+      cycle(kOperation);
+      for (std::size_t axis = 0; axis < 6; ++axis) {
+        send(axis, kHalt);
+        EXPECT_EQ(drives[axis].controlword, kHalt) << axis;
+        EXPECT_EQ(drives[axis].frames, k + 1) << "one that was lost is repeated";
+      }
+    }
+    EXPECT_EQ(held(), before) << "the corrected targets, which another drive may follow";
+    bench.run_for(600'000);
+    for (unsigned axis = 0; axis < 6; ++axis) map(axis, {axis});
+    bench.start_nodes();
+  }
+}
+
 TEST_F(StopTest, ShortFrame_IsDropped) {
   run(50);
   pass_time();
@@ -288,7 +316,6 @@ TEST(StopForwarderTest, StopOfOneDriveInAFrame_ChangesNothingOfTheOther) {
     return frame;
   };
   StopForwarder stops;
-  stops.configure(pdos.rpdos());
   EXPECT_FALSE(stops.commands_stop(pdo, pair(kOperation, 1, 0x1F, 2)));
   const CanFrame first = stops.stop_frame(pdo, pair(kQuickStop, 1, kOperation, 2));
   EXPECT_EQ(load_le<std::int32_t>(&first.data[8]), 2) << "its own: nothing was sent";
