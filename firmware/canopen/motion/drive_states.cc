@@ -62,6 +62,12 @@ std::uint8_t DriveStates::disabled() const {
       [this](std::size_t k) { return axes_[k].statusword && !has_power(*axes_[k].statusword); });
 }
 
+std::uint8_t DriveStates::placed(std::uint64_t now_us) const {
+  return bits([&](std::size_t k) {
+    return axes_[k].actual && now_us - axes_[k].heard_us <= kNeighboursUs;
+  });
+}
+
 bool DriveStates::is_speaking(std::uint64_t now_us) const {
   return std::ranges::any_of(axes_, [now_us](const Axis& axis) {
     return axis.actual && now_us - axis.heard_us <= kSilentUs;

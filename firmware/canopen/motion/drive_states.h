@@ -64,8 +64,10 @@ class DriveStates {
   bool is_speaking(std::uint64_t now_us) const;
   static constexpr std::uint64_t kSilentUs = 1'000'000;
 
-  // Actual positions further apart in time are not compared.
+  // Actual positions further apart in time are not compared, and older ones tell nothing of now.
   static constexpr std::uint64_t kNeighboursUs = 100'000;
+  // Bit k: the actual position of axis k has been received within kNeighboursUs.
+  std::uint8_t placed(std::uint64_t now_us) const;
 
  private:
   struct Axis {

@@ -173,7 +173,15 @@ void JointPath::read_surroundings(std::uint64_t now_us) {
       static_cast<std::uint32_t>(std::min<std::uint64_t>(now_us - last_step_us_, UINT32_MAX));
 }
 
-bool JointPath::begin() {
+// Whether the actual positions tell what the drives hold. In offset mode, where the difference to
+// the target counts as it is, the arm must have stood; inline they must be new.
+bool JointPath::tells_positions(std::uint64_t now_us) const {
+  const std::uint32_t axes = axes_with_drives();
+  return mode_ == Mode::kOffset ? start_.has_standing(axes)
+                                : (axes & ~std::uint32_t{drives_.placed(now_us)}) == 0;
+}
+
+bool JointPath::begin(std::uint64_t now_us) {
   std::array<std::int32_t, kMaxJoints> held = {};
   const bool all_heard = start_.has(axes_with_drives());
   for (std::size_t axis = 0; axis < joint_count_ && all_heard; ++axis) {
@@ -182,8 +190,8 @@ bool JointPath::begin() {
     held[axis] = saturate(compensator_.bounds(axis).way(actual - input_.target[axis]));
   }
   const bool fits = compensator_.begin(held);
-  const bool may_begin = fits && start_.has_standing(axes_with_drives());
-  if (mode_ == Mode::kOffset && all_heard && !may_begin) {
+  const bool may_begin = (fits || mode_ == Mode::kInline) && tells_positions(now_us);
+  if (all_heard && !may_begin) {
     compensator_.forget();
     return false;
   }
@@ -230,7 +238,7 @@ bool JointPath::compute(std::uint64_t now_us) {
   take_back_unsent();
   read_targets(now_us);
   read_surroundings(now_us);
-  if (phase_ == Phase::kUnknown && !begin()) return false;
+  if (phase_ == Phase::kUnknown && !begin(now_us)) return false;
   input_.held = 0;
   output_ = compensator_.cycle(input_);
   computed_us_ = now_us;
@@ -374,15 +382,17 @@ void JointPath::interrupted() {
   drives_.note_stand();
 }
 
-std::uint32_t JointPath::why_withheld() const {
+std::uint32_t JointPath::why_withheld(std::uint64_t now_us) const {
   if (!stream_.takes_targets()) return kNotOperational;
   if (is_kept_from_sync() || (sets_.is_synchronous() && !sets_.sync_in_use())) return kSyncMissing;
   if (is_refused_) return kOutputRefused;
   if (clean_sets_ == 0 && (counters_.conflicts != 0 || counters_.malformed != 0)) {
     return kContradictions;
   }
-  const bool waits_for_rest = mode_ == Mode::kOffset && phase_ == Phase::kUnknown;
-  return waits_for_rest ? kPositionUnknown : kFramesMissing;
+  const bool waits_for_positions =
+      phase_ == Phase::kUnknown &&
+      (mode_ == Mode::kOffset || (start_.has(axes_with_drives()) && !tells_positions(now_us)));
+  return waits_for_positions ? kPositionUnknown : kFramesMissing;
 }
 
 void JointPath::watch_stream(std::uint64_t now_us) {
@@ -401,7 +411,7 @@ void JointPath::watch_stream(std::uint64_t now_us) {
   const bool is_ours = mode_ == Mode::kInline || stream_.takes_targets();
   if (stream_.waits_too_long() && phase_ != Phase::kLeaving && mode_ != Mode::kForward &&
       is_configured() && is_ours) {
-    emcy_.raise(Condition::kSetsWithheld, why_withheld());
+    emcy_.raise(Condition::kSetsWithheld, why_withheld(now_us));
   }
 }
 

@@ -16,11 +16,11 @@
 //
 // Phase follows what the drives hold. After a start or a change of mode this is unknown. Once all
 // actual positions have been received, the first correction is actual position minus target, cut to
-// what the table permits, and blends from there. In offset mode the drives follow the controller
-// without this node, and in motion the difference contains the following error: nothing goes out
-// until the targets have stood for 0.1 s, every actual position has been received after that, and
-// the difference is permitted. If an actual position has never been received, the correction begins
-// at zero.
+// what the table permits, and blends from there; inline, nothing goes out while one of them is
+// older than 0.1 s. In offset mode the drives follow the controller without this node, and in
+// motion the difference contains the following error: nothing goes out until the targets have stood
+// for 0.1 s, every actual position has been received after that, and the difference is permitted.
+// If an actual position has never been received, the correction begins at zero.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_JOINT_PATH_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_MOTION_JOINT_PATH_H_
 
@@ -68,7 +68,7 @@ enum WhyWithheld : std::uint32_t {
   kFramesMissing = 1,   // no set of targets was complete within the set window
   kContradictions = 2,  // contradicted or short frames
   // Offset mode: the targets have not stood yet at a permitted difference, or not every actual
-  // position has been received since.
+  // position has been received since. Inline: an actual position has not come for 0.1 s.
   kPositionUnknown = 3,
   kSyncMissing = 4,  // targets or offsets wait for SYNC, and none comes
   kNoSet = 5,        // the mapped targets form no set: too few joints, or an axis mapped twice
@@ -239,7 +239,8 @@ class JointPath {
   void take_back_unsent();
   void spoil(Condition condition, std::uint32_t information, std::uint32_t& counter);
   bool compute(std::uint64_t now_us);
-  bool begin();
+  bool tells_positions(std::uint64_t now_us) const;
+  bool begin(std::uint64_t now_us);
   bool release(std::uint64_t now_us);
   void note_set_out(std::uint64_t now_us);
   bool may_compute();
@@ -252,7 +253,7 @@ class JointPath {
   void interrupted();
   void forget();
   void watch_stream(std::uint64_t now_us);
-  std::uint32_t why_withheld() const;
+  std::uint32_t why_withheld(std::uint64_t now_us) const;
 
   // Consecutive sets without contradiction or short frame that end the EMCY conditions.
   static constexpr std::uint32_t kCleanSets = 100;
