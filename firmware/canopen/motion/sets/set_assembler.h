@@ -6,6 +6,7 @@
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_SETS_SET_ASSEMBLER_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_MOTION_SETS_SET_ASSEMBLER_H_
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -69,7 +70,8 @@ class SetAssembler {
   // quarters of its period if that is longer.
   bool is_over(std::uint32_t configured_us, std::uint64_t now_us) const;
   std::uint32_t window_us(std::uint32_t configured_us) const {
-    return window_.in_force(configured_us);
+    const std::uint32_t window_us = window_.in_force(configured_us);
+    return sync_in_use_ ? window_us : std::min(window_us, window_.bound_us());
   }
 
   // Outcome of an interval.
