@@ -25,7 +25,6 @@ void JointPath::configure(const PdoTable& pdos) {
   take_back();
   take_back_unsent();
   sets_.configure(pdos);
-  sets_pass_ = false;
   drives_.keep(mapped_axes(pdos.rpdos(), kStatusword), mapped_axes(pdos.rpdos(), kModeDisplay));
   const bool waits = std::ranges::any_of(pdos.tpdos(), [](const Pdo& pdo) {
     return pdo.valid && pdo.is_synchronous() && pdo.mapping.has_axis_object(kPositionOffset);
