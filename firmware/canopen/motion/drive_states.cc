@@ -49,12 +49,8 @@ AxisState DriveStates::state(std::size_t axis) const {
   return follows ? AxisState::kFollowing : AxisState::kAway;
 }
 
-std::uint8_t DriveStates::known() const {
-  return bits([this](std::size_t k) { return state(k) != AxisState::kUnknown; });
-}
-
-std::uint8_t DriveStates::away() const {
-  return bits([this](std::size_t k) { return state(k) == AxisState::kAway; });
+std::uint8_t DriveStates::in(AxisState wanted) const {
+  return bits([&](std::size_t k) { return state(k) == wanted; });
 }
 
 std::uint8_t DriveStates::disabled() const {

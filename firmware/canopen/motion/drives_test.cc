@@ -147,7 +147,7 @@ TEST_P(InlineDrivesTest, OldPosition_IsWaitedForAndReported) {
     SCOPED_TRACE(age_us);
     settle();
     restart();
-    const auto feed_pair = [&](std::size_t pair) {
+    const auto feed_pair = [&](std::uint32_t pair) {
       bench.from_drives(NodeBench::pair_frame(0x1C0 + pair, stand[2 * pair], stand[2 * pair + 1]));
     };
     const auto command = [&] {
