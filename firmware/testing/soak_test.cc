@@ -39,6 +39,12 @@ TEST_P(SoakSeedTest, OneMinuteOfRandomFaults_JudgeFindsNothing) {
   }
 }
 
+// Here NMT start comes in the last cycle of a fade that a full bus made longer.
+TEST(SoakTest, StartDuringTheLastStepOfAFade_JudgeFindsNothing) {
+  Soak soak(18, 1.0, false, Mode::kOffset);
+  EXPECT_EQ(soak.run(170'000), "");
+}
+
 INSTANTIATE_TEST_SUITE_P(Seeds, SoakSeedTest, testing::Range(1U, 7U));
 
 class DriveSoakTest : public testing::TestWithParam<Mode> {};

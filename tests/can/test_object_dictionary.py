@@ -116,9 +116,17 @@ _MOTION, _SDO = "canopen/motion/joint_path.h", "canopen/sdo/sdo_server.h"
     ("words", "constant", "source"),
     [
         ("at most 0.1 s (`kSupervisionUs`) after the turn before", "kSupervisionUs = 100000", _MOTION),
-        ("nothing is sent until targets have stood for 0.1 s", "kRestUs = 100000", _MOTION),
+        (
+            "nothing is sent until targets have stood for 0.1 s",
+            "kRestUs = 100000",
+            "canopen/motion/start_positions.h",
+        ),
         ("after 100 clean sets", "kCleanSets = 100", _MOTION),
-        ("Targets for 0.1 s without a set that goes out", "kWithheldUs = 100000", _MOTION),
+        (
+            "Targets for 0.1 s without a set that goes out",
+            "kWithheldUs = 100000",
+            "canopen/motion/stream_watch.h",
+        ),
         ("after 5 s in any case", "kLeaveUs = 5000000", _MOTION),
         ("more than 1/500 turn between two frames", "kJumpPart = 500", "canopen/motion/drive_states.h"),
         ("and 2 turns a second", "kFastestTurns = 2", "canopen/motion/drive_states.h"),

@@ -49,17 +49,19 @@ AxisState DriveStates::state(std::size_t axis) const {
   return follows ? AxisState::kFollowing : AxisState::kAway;
 }
 
-std::uint8_t DriveStates::known() const {
-  return bits([this](std::size_t k) { return state(k) != AxisState::kUnknown; });
-}
-
-std::uint8_t DriveStates::away() const {
-  return bits([this](std::size_t k) { return state(k) == AxisState::kAway; });
+std::uint8_t DriveStates::in(AxisState wanted) const {
+  return bits([&](std::size_t k) { return state(k) == wanted; });
 }
 
 std::uint8_t DriveStates::disabled() const {
   return bits(
       [this](std::size_t k) { return axes_[k].statusword && !has_power(*axes_[k].statusword); });
+}
+
+std::uint8_t DriveStates::placed(std::uint64_t now_us) const {
+  return bits([&](std::size_t k) {
+    return axes_[k].actual && now_us - axes_[k].heard_us <= kNeighboursUs;
+  });
 }
 
 bool DriveStates::is_speaking(std::uint64_t now_us) const {

@@ -37,9 +37,9 @@ class DriveStates {
 
   AxisState state(std::size_t axis) const;
   // Bit k: the statusword or the mode of axis k has been received.
-  std::uint8_t known() const;
+  std::uint8_t known() const { return static_cast<std::uint8_t>(~in(AxisState::kUnknown)); }
   // Bit k: axis k does not follow its targets.
-  std::uint8_t away() const;
+  std::uint8_t away() const { return in(AxisState::kAway); }
   // Bit k: the statusword of axis k reports a state in which the motor has no power.
   std::uint8_t disabled() const;
 
@@ -64,8 +64,10 @@ class DriveStates {
   bool is_speaking(std::uint64_t now_us) const;
   static constexpr std::uint64_t kSilentUs = 1'000'000;
 
-  // Actual positions further apart in time are not compared.
+  // Actual positions further apart in time are not compared, and older ones tell nothing of now.
   static constexpr std::uint64_t kNeighboursUs = 100'000;
+  // Bit k: the actual position of axis k has been received within kNeighboursUs.
+  std::uint8_t placed(std::uint64_t now_us) const;
 
  private:
   struct Axis {
@@ -76,6 +78,7 @@ class DriveStates {
     std::uint64_t heard_us = 0;         // when `actual` was received
   };
   static bool moves_by_itself(const Axis& axis);
+  std::uint8_t in(AxisState wanted) const;
   template <typename Condition>
   std::uint8_t bits(const Condition& condition) const {
     std::uint8_t result = 0;

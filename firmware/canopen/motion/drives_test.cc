@@ -141,6 +141,45 @@ TEST_P(InlineDrivesTest, FirstTargetFarAway_StartsAtNearestPermittedOutput) {
   EXPECT_EQ(seen, far);
 }
 
+// The position of one drive has not come for longer than an arm may take to move away from it.
+TEST_P(InlineDrivesTest, OldPosition_IsWaitedForAndReported) {
+  for (const std::uint64_t age_us : {100'000U, 101'000U}) {
+    SCOPED_TRACE(age_us);
+    settle();
+    restart();
+    const auto feed_pair = [&](std::uint32_t pair) {
+      bench.from_drives(NodeBench::pair_frame(0x1C0 + pair, stand[2 * pair], stand[2 * pair + 1]));
+    };
+    const auto command = [&] {
+      bench.next_sync();
+      bench.command_joints(kStand);
+      take_output();
+      return outputs;
+    };
+    feed_pair(1);
+    bench.now_us += age_us - 2000;
+    bench.turn();
+    feed_pair(0);
+    feed_pair(2);
+    const Joints before = stand;
+    ASSERT_EQ(command(), 0) << "a stream begins with its second set";
+    if (age_us <= 100'000) {
+      EXPECT_EQ(command(), 3);
+      continue;
+    }
+    for (int k = 0; k < 120; ++k) {
+      ASSERT_EQ(command(), 0) << k;
+      feed_pair(0);
+      feed_pair(2);
+    }
+    EXPECT_EQ(bench.read(0x1003, 1), kPositionUnknown << 16 | kSetsWithheld);
+    feed_pair(1);
+    EXPECT_LE(rest(kStand, 200), kBlendStep);
+    EXPECT_EQ(stand, before) << "with the correction that the drives held";
+    EXPECT_EQ(bench.read(0x1001, 0), 0U);
+  }
+}
+
 TEST_P(InlineDrivesTest, LeavingOperational_KeepsTheKnownCorrection) {
   settle();
   bench.nmt(128);

@@ -18,19 +18,21 @@ JointPath::JointPath(ObjectDictionary& dictionary, Compensator& compensator, Emc
       downstream_(downstream),
       clock_us_(clock_us),
       joint_count_(joint_count),
+      inline_output_(downstream),
       inputs_(dictionary, emcy) {}
 
 void JointPath::configure(const PdoTable& pdos) {
   take_back();
   take_back_unsent();
   sets_.configure(pdos);
-  stops_.configure(pdos.rpdos());
   drives_.keep(mapped_axes(pdos.rpdos(), kStatusword), mapped_axes(pdos.rpdos(), kModeDisplay));
   const bool waits = std::ranges::any_of(pdos.tpdos(), [](const Pdo& pdo) {
     return pdo.valid && pdo.is_synchronous() && pdo.mapping.has_axis_object(kPositionOffset);
   });
   offset_output_ = waits ? OffsetOutput::kWithSync : OffsetOutput::kAtOnce;
   offset_axes_ = mapped_axes(pdos.tpdos(), kPositionOffset);
+  // A set that has lost its mapping has sent what its drives hold.
+  if (is_configured()) inline_output_.forget_sent();
 }
 
 std::uint32_t JointPath::axes_with_drives() const {
@@ -64,10 +66,10 @@ void JointPath::set_mode(Mode mode) {
 }
 
 void JointPath::forget() {
-  is_held_up_ = false;
+  inline_output_.release();
   unsent_ = 0;
   phase_ = Phase::kUnknown;
-  heard_ = heard_standing_ = 0;
+  start_.forget();
 }
 
 // Undoes the correction of a computed set that waits for SYNC and will not be sent.
@@ -106,7 +108,7 @@ void JointPath::spoil(Condition condition, std::uint32_t information, std::uint3
 
 bool JointPath::take_target(const Pdo& pdo, std::size_t rpdo, const CanFrame& frame,
                             std::uint64_t now_us) {
-  last_taken_us_ = now_us;
+  stream_.note_taken(now_us);
   if (sets_.is_over(configured_window_us(), now_us)) end_interval();
   SetEvent event = sets_.take(pdo, rpdo, frame, now_us);
   if (event == SetEvent::kNextCycle) {
@@ -137,13 +139,9 @@ bool JointPath::take_target(const Pdo& pdo, std::size_t rpdo, const CanFrame& fr
 }
 
 void JointPath::forward_stop(const Pdo& pdo, const CanFrame& frame) {
-  if (frame.len < pdo.mapping.length || !stops_.commands_stop(pdo, frame)) return;
   // A drive may have missed a command that was sent: it was switched off, or its bus was. As long
   // as sets go out, each of them repeats the command; otherwise its repetitions pass as well.
-  if (sets_pass_ && !stops_.is_new(pdo, frame)) return;
-  const CanFrame stop = stops_.stop_frame(pdo, frame);
-  if (!downstream_->send_command(stop, {})) return count(counters_.output_refused);
-  stops_.note_sent(pdo, stop);
+  if (!inline_output_.forward_stop(pdo, frame, !sets_pass_)) count(counters_.output_refused);
 }
 
 bool JointPath::on_sync(std::uint64_t now_us) {
@@ -155,32 +153,16 @@ bool JointPath::on_sync(std::uint64_t now_us) {
   return goes_out;
 }
 
-void JointPath::take_input(const Pdo& pdo, const CanFrame& frame, std::uint64_t now_us) {
-  const Applied applied = apply_rpdo(dictionary_, pdo, frame);
-  if (applied.beyond != 0) {
-    emcy_.raise(Condition::kInputRange, applied.beyond);
-  } else if (applied.has_bounds) {
-    emcy_.clear(Condition::kInputRange);
-  }
-  for (std::size_t k = 0; k < pdo.mapping.count; ++k) {
-    const MappedEntry& mapped = pdo.mapping.entries[k];
-    if ((applied.refused >> k & 1U) == 0) inputs_.note(mapped.index, mapped.sub, now_us);
-  }
-}
-
 void JointPath::read_targets(std::uint64_t now_us) {
   for (const SetAssembler::Held& held : sets_.frames()) {
-    take_input(*held.pdo, held.frame, now_us);
+    inputs_.take(*held.pdo, held.frame, now_us);
   }
   for (std::size_t axis = 0; axis < joint_count_; ++axis) {
     const std::int32_t target = dictionary_.get(od::axis::kTargetPosition[axis]);
-    if (target != input_.target[axis] && has_drive(axis)) {
-      resting_since_us_ = now_us;
-      heard_standing_ = 0;
-    }
+    if (target != input_.target[axis] && has_drive(axis)) start_.note_moved_target(now_us);
     input_.target[axis] = target;
   }
-  if (!evaluated_since_us_) evaluated_since_us_ = now_us;
+  start_.note_evaluated_set(now_us);
 }
 
 void JointPath::read_surroundings(std::uint64_t now_us) {
@@ -190,22 +172,25 @@ void JointPath::read_surroundings(std::uint64_t now_us) {
       static_cast<std::uint32_t>(std::min<std::uint64_t>(now_us - last_step_us_, UINT32_MAX));
 }
 
-bool JointPath::has_stood(std::uint64_t now_us) const {
-  return evaluated_since_us_ &&
-         now_us - std::max(*evaluated_since_us_, resting_since_us_) >= kRestUs;
+// Whether the actual positions tell what the drives hold. In offset mode, where the difference to
+// the target counts as it is, the arm must have stood; inline they must be new.
+bool JointPath::tells_positions(std::uint64_t now_us) const {
+  const std::uint32_t axes = axes_with_drives();
+  return mode_ == Mode::kOffset ? start_.has_standing(axes)
+                                : (axes & ~std::uint32_t{drives_.placed(now_us)}) == 0;
 }
 
-bool JointPath::begin() {
+bool JointPath::begin(std::uint64_t now_us) {
   std::array<std::int32_t, kMaxJoints> held = {};
-  const bool all_heard = (axes_with_drives() & ~heard_) == 0;
+  const bool all_heard = start_.has(axes_with_drives());
   for (std::size_t axis = 0; axis < joint_count_ && all_heard; ++axis) {
     if (!has_drive(axis)) continue;
     const std::int64_t actual = dictionary_.get(od::axis::kPositionActualValue[axis]);
     held[axis] = saturate(compensator_.bounds(axis).way(actual - input_.target[axis]));
   }
   const bool fits = compensator_.begin(held);
-  const bool all_stand = (axes_with_drives() & ~heard_standing_) == 0;
-  if (mode_ == Mode::kOffset && all_heard && !(fits && all_stand)) {
+  const bool may_begin = (fits || mode_ == Mode::kInline) && tells_positions(now_us);
+  if (all_heard && !may_begin) {
     compensator_.forget();
     return false;
   }
@@ -252,7 +237,7 @@ bool JointPath::compute(std::uint64_t now_us) {
   take_back_unsent();
   read_targets(now_us);
   read_surroundings(now_us);
-  if (phase_ == Phase::kUnknown && !begin()) return false;
+  if (phase_ == Phase::kUnknown && !begin(now_us)) return false;
   input_.held = 0;
   output_ = compensator_.cycle(input_);
   computed_us_ = now_us;
@@ -276,9 +261,12 @@ void JointPath::publish() {
 
 bool JointPath::release(std::uint64_t now_us) {
   if (mode_ == Mode::kInline) {
-    const std::size_t sent = send_set();
-    is_refused_ = is_held_up_ || sent < sets_.frames().size();
-    if (sent == 0) {
+    const std::span<const SetAssembler::Held> frames = sets_.frames();
+    const InlineOutput::Sent sent = inline_output_.send(frames, output_, axes_with_drives());
+    for (std::size_t k = sent.frames; k < frames.size(); ++k) count(counters_.output_refused);
+    is_refused_ = inline_output_.is_held_up() || sent.frames < frames.size();
+    unsent_ = sent.unsent;
+    if (sent.frames == 0) {
       unsent_ = 0;
       take_back();
       return false;
@@ -304,48 +292,9 @@ void JointPath::note_set_out(std::uint64_t now_us) {
     emcy_.clear(Condition::kTargetConflict);
     emcy_.clear(Condition::kPdoLength);
   }
-  streaming_ = true;
-  last_set_us_ = now_us;
+  stream_.note_set_out(now_us);
   emcy_.clear(Condition::kJointInputStale);
   emcy_.clear(Condition::kSetsWithheld);
-}
-
-bool JointPath::may_send() {
-  if (!is_held_up_ || !tried_at_) return true;
-  is_held_up_ = static_cast<std::int32_t>(downstream_->commands().gone - *tried_at_) < 0;
-  return !is_held_up_;
-}
-
-// Returns how many frames of the set left; the joints of the other frames go into unsent_.
-std::size_t JointPath::send_set() {
-  if (downstream_ == nullptr) return 0;
-  std::size_t sent = 0;
-  bool refused = !may_send();
-  for (const SetAssembler::Held& held : sets_.frames()) {
-    CanFrame frame = held.frame;
-    std::uint32_t joints = 0;
-    for (const MappedEntry& mapped : held.pdo->mapping.used()) {
-      if (axis_object(mapped.index) != kTargetPosition) continue;
-      const std::size_t axis = axis_of(mapped.index);
-      if (!has_drive(axis)) continue;
-      store_le(&frame.data[mapped.at], output_.corrected[axis]);
-      joints |= 1U << axis;
-    }
-    // After a refused frame the rest of the set is held back too, so that as few joints as possible
-    // differ.
-    const Command command = {static_cast<std::uint8_t>(joints),
-                             static_cast<std::uint8_t>(output_.cycle)};
-    refused = refused || !downstream_->send_command(frame, command);
-    sent += refused ? 0U : 1U;
-    if (!refused) {
-      stops_.note_sent(*held.pdo, frame);
-      continue;
-    }
-    count(counters_.output_refused);
-    unsent_ = static_cast<std::uint8_t>(unsent_ | joints);
-  }
-  if (is_held_up_ && sent != 0) tried_at_ = downstream_->commands().accepted;
-  return sent;
 }
 
 void JointPath::hear(const Pdo& pdo, const CanFrame& frame) {
@@ -380,8 +329,7 @@ void JointPath::check_offset(std::size_t axis, std::int32_t offset) {
 }
 
 void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now_us) {
-  // The targets of a computed set that still waits for SYNC count, too.
-  const bool at_rest = now_us - resting_since_us_ >= kRestUs;
+  const bool at_rest = start_.is_at_rest(now_us);
   for (const MappedEntry& mapped : pdo.mapping.used()) {
     if (axis_object(mapped.index) != kActualPosition) continue;
     const std::size_t axis = axis_of(mapped.index);
@@ -395,12 +343,12 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now
       count(counters_.reference_changes);
     }
     // The joint was moved without targets: its direction of approach is no longer known.
-    if (!streaming_ && drives_.has_left(axis, compensator_.scale(axis).dead_band, bounds)) {
+    if (!stream_.is_streaming() &&
+        drives_.has_left(axis, compensator_.scale(axis).dead_band, bounds)) {
       compensator_.forget_direction(axis);
     }
     if (phase_ == Phase::kUnknown) {
-      heard_ |= 1U << axis;
-      if (has_stood(now_us)) heard_standing_ |= 1U << axis;
+      start_.note_position(axis, now_us);
       continue;
     }
     // If its newest offset has not left, a drive still holds that of the cycle before.
@@ -410,7 +358,7 @@ void JointPath::take_feedback(const Pdo& pdo, CanFrame& frame, std::uint64_t now
     const std::int32_t correction = compensator_.correction_of(last_cycle_ - delay, axis);
     store_le(place, correction == 0 ? actual : bounds.wrapped(std::int64_t{actual} - correction));
   }
-  take_input(pdo, frame, now_us);
+  inputs_.take(pdo, frame, now_us);
 }
 
 std::uint8_t JointPath::suspension() const {
@@ -426,22 +374,24 @@ void JointPath::accept_reference() {
 }
 
 void JointPath::interrupted() {
-  streaming_ = false;
+  stream_.interrupt();
   sets_pass_ = false;
   sets_.interrupt();
   compensator_.restart_stream();
   drives_.note_stand();
 }
 
-std::uint32_t JointPath::why_withheld() const {
-  if (last_taken_us_ != last_target_us_) return kNotOperational;
+std::uint32_t JointPath::why_withheld(std::uint64_t now_us) const {
+  if (!stream_.takes_targets()) return kNotOperational;
   if (is_kept_from_sync() || (sets_.is_synchronous() && !sets_.sync_in_use())) return kSyncMissing;
   if (is_refused_) return kOutputRefused;
   if (clean_sets_ == 0 && (counters_.conflicts != 0 || counters_.malformed != 0)) {
     return kContradictions;
   }
-  const bool waits_for_rest = mode_ == Mode::kOffset && phase_ == Phase::kUnknown;
-  return waits_for_rest ? kPositionUnknown : kFramesMissing;
+  const bool waits_for_positions =
+      phase_ == Phase::kUnknown &&
+      (mode_ == Mode::kOffset || (start_.has(axes_with_drives()) && !tells_positions(now_us)));
+  return waits_for_positions ? kPositionUnknown : kFramesMissing;
 }
 
 void JointPath::watch_stream(std::uint64_t now_us) {
@@ -451,23 +401,22 @@ void JointPath::watch_stream(std::uint64_t now_us) {
     sets_.note_no_sync();
     end_interval();
   }
-  if (streaming_ && now_us - last_set_us_ > stale_us()) {
+  if (stream_.is_late(now_us, stale_us())) {
     count(counters_.stale);
     interrupted();
     emcy_.raise(Condition::kJointInputStale, counters_.stale);
   }
   // Targets come and no set goes out. In inline mode this stops the arm in every NMT state.
-  const bool is_ours = mode_ == Mode::kInline || last_taken_us_ == last_target_us_;
-  const bool waits = waiting_since_us_ > last_set_us_ && phase_ != Phase::kLeaving &&
-                     mode_ != Mode::kForward && is_configured() && is_ours;
-  if (waits && last_target_us_ - waiting_since_us_ > kWithheldUs) {
-    emcy_.raise(Condition::kSetsWithheld, why_withheld());
+  const bool is_ours = mode_ == Mode::kInline || stream_.takes_targets();
+  if (stream_.waits_too_long() && phase_ != Phase::kLeaving && mode_ != Mode::kForward &&
+      is_configured() && is_ours) {
+    emcy_.raise(Condition::kSetsWithheld, why_withheld(now_us));
   }
 }
 
 bool JointPath::process(std::uint64_t now_us) {
   const bool late = now_us - last_process_us_ > kSupervisionUs;
-  const bool overlooked = streaming_ && now_us - last_set_us_ > stale_us() + kSupervisionUs;
+  const bool overlooked = stream_.is_late(now_us, stale_us() + kSupervisionUs);
   last_process_us_ = now_us;
   follow_drives();
   watch_stream(now_us);
@@ -481,12 +430,11 @@ void JointPath::stop() {
   take_back();
   take_back_unsent();
   sets_.drop();
-  evaluated_since_us_.reset();
-  heard_standing_ = 0;
+  start_.stop();
   sets_pass_ = false;
-  waiting_since_us_ = last_set_us_;
+  stream_.end_wait();
   emcy_.clear(Condition::kSetsWithheld);
-  if (streaming_) interrupted();
+  if (stream_.is_streaming()) interrupted();
 }
 
 bool JointPath::leave(std::uint64_t now_us) {
@@ -506,7 +454,7 @@ bool JointPath::leave(std::uint64_t now_us) {
 
 bool JointPath::fade(std::uint64_t now_us) {
   // In a stream its sets take the steps, unless the output is ending.
-  const bool is_ours = phase_ == Phase::kLeaving || !streaming_;
+  const bool is_ours = phase_ == Phase::kLeaving || !stream_.is_streaming();
   const bool is_allowed = mode_ == Mode::kOffset || phase_ == Phase::kSuspended;
   const bool is_due = phase_ != Phase::kUnknown && is_ours && is_allowed &&
                       sets_.progress() != SetProgress::kComputed && compensator_.is_fading() &&
@@ -521,17 +469,6 @@ bool JointPath::fade(std::uint64_t now_us) {
   computed_us_ = now_us;
   publish();
   return true;
-}
-
-void JointPath::note_command(std::uint64_t now_us) {
-  // The wait for a set begins with the first target after the last set or after a pause. A
-  // controller slower than kWithheldUs does not send cyclic positions.
-  const std::uint64_t pause_us = std::max<std::uint64_t>(stale_us(), kWithheldUs);
-  if (waiting_since_us_ <= last_set_us_ || now_us - last_target_us_ > pause_us) {
-    waiting_since_us_ = now_us;
-  }
-  seen_target_ = true;
-  last_target_us_ = now_us;
 }
 
 void JointPath::note_offsets(std::uint32_t refused, std::uint32_t unsent, std::uint64_t now_us) {
@@ -549,8 +486,7 @@ void JointPath::note_discarded(const Discarded& discarded) {
   if (discarded.axes == 0 || phase_ == Phase::kUnknown) return;
   take_back();
   take_back_unsent();
-  is_held_up_ = mode_ == Mode::kInline;
-  tried_at_.reset();
+  if (mode_ == Mode::kInline) inline_output_.hold_up();
   for (std::size_t axis = 0; axis < joint_count_; ++axis) {
     if ((discarded.axes >> axis & 1U) == 0) continue;
     const auto later = static_cast<std::uint8_t>(last_cycle_ - discarded.cycle[axis]);

@@ -4,7 +4,7 @@
 // Asynchronous targets (transmission type 254, 255) leave at once. Synchronous ones (0 to 240) are
 // corrected and held until SYNC; if they are contradicted before it, the correction is taken back.
 // After the stale time-out without a set the stream counts as interrupted and EMCY 0xFF10 is
-// raised. If targets come for kWithheldUs and no set goes out, EMCY 0xFF15 is raised.
+// raised. If targets come for 0.1 s and no set goes out, EMCY 0xFF15 is raised.
 //
 // A correction changes from the value that has reached its drive. If the bus refused an output, or
 // it still waits for SYNC when the next one is computed, it is taken back for its joints.
@@ -16,24 +16,25 @@
 //
 // Phase follows what the drives hold. After a start or a change of mode this is unknown. Once all
 // actual positions have been received, the first correction is actual position minus target, cut to
-// what the table permits, and blends from there. In offset mode the drives follow the controller
-// without this node, and in motion the difference contains the following error: nothing goes out
-// until the targets have stood for kRestUs, every actual position has been received after that, and
-// the difference is permitted. If an actual position has never been received, the correction begins
-// at zero.
+// what the table permits, and blends from there; inline, nothing goes out while one of them is
+// older than 0.1 s. In offset mode the drives follow the controller without this node, and in
+// motion the difference contains the following error: nothing goes out until the targets have stood
+// for 0.1 s, every actual position has been received after that, and the difference is permitted.
+// If an actual position has never been received, the correction begins at zero.
 #ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_JOINT_PATH_H_
 #define ARMTRUE_FIRMWARE_CANOPEN_MOTION_JOINT_PATH_H_
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 
 #include "firmware/canopen/motion/drive_states.h"
+#include "firmware/canopen/motion/inline_output.h"
 #include "firmware/canopen/motion/latency.h"
 #include "firmware/canopen/motion/sensor_inputs.h"
-#include "firmware/canopen/motion/set_assembler.h"
-#include "firmware/canopen/motion/stop_forwarder.h"
+#include "firmware/canopen/motion/sets/set_assembler.h"
+#include "firmware/canopen/motion/start_positions.h"
+#include "firmware/canopen/motion/stream_watch.h"
 #include "firmware/canopen/protocol/can_port.h"
 #include "firmware/canopen/protocol/command_backlog.h"
 #include "firmware/canopen/protocol/emcy.h"
@@ -67,7 +68,7 @@ enum WhyWithheld : std::uint32_t {
   kFramesMissing = 1,   // no set of targets was complete within the set window
   kContradictions = 2,  // contradicted or short frames
   // Offset mode: the targets have not stood yet at a permitted difference, or not every actual
-  // position has been received since.
+  // position has been received since. Inline: an actual position has not come for 0.1 s.
   kPositionUnknown = 3,
   kSyncMissing = 4,  // targets or offsets wait for SYNC, and none comes
   kNoSet = 5,        // the mapped targets form no set: too few joints, or an axis mapped twice
@@ -132,11 +133,12 @@ class JointPath {
   bool take_target(const Pdo& pdo, std::size_t rpdo, const CanFrame& frame, std::uint64_t now_us);
 
   // Inline: passes on a target frame that commands a drive to stop, if that drive does not have the
-  // command yet or sets do not go out. Call after take_target(), which may have sent it.
+  // command yet or sets do not go out. Call after take_target(), which may have sent it. `pdo`:
+  // also one of a set that has lost its mapping.
   void forward_stop(const Pdo& pdo, const CanFrame& frame);
   // A frame was passed on to the drives unchanged.
   void note_forwarded(const Pdo& pdo, const CanFrame& frame) {
-    if (frame.len >= pdo.mapping.length) stops_.note_sent(pdo, frame);
+    inline_output_.note_forwarded(pdo, frame);
   }
 
   // Puts out the set that waits for SYNC and ends the interval. Returns true if it put out a set.
@@ -194,11 +196,9 @@ class JointPath {
 
   // Notes a target frame on the bus, whether or not it is used: table commands are refused for the
   // quiet time, and in inline mode the arm waits for the set.
-  void note_command(std::uint64_t now_us);
+  void note_command(std::uint64_t now_us) { stream_.note_command(now_us, stale_us()); }
   // Microseconds since the last target frame; a large number before the first.
-  std::uint64_t quiet_us(std::uint64_t now_us) const {
-    return seen_target_ ? now_us - last_target_us_ : UINT64_MAX;
-  }
+  std::uint64_t quiet_us(std::uint64_t now_us) const { return stream_.quiet_us(now_us); }
 
   // Result of sending offsets, after a step or with SYNC. `refused`: number of frames that the bus
   // refused. `unsent`: bit k, the newest offset of axis k has not left.
@@ -211,14 +211,16 @@ class JointPath {
 
   // Writes every value of a PDO into the dictionary, also values mapped beside targets.
   // Precondition: frame.len >= pdo.mapping.length.
-  void take_input(const Pdo& pdo, const CanFrame& frame, std::uint64_t now_us);
+  void take_input(const Pdo& pdo, const CanFrame& frame, std::uint64_t now_us) {
+    inputs_.take(pdo, frame, now_us);
+  }
 
   // An object has been written by SDO: a temperature or the payload counts as given.
   void note_input(std::uint16_t index, std::uint8_t sub, std::uint64_t now_us) {
     inputs_.note(index, sub, now_us);
   }
 
-  bool is_streaming() const { return streaming_; }
+  bool is_streaming() const { return stream_.is_streaming(); }
   std::uint16_t last_flags() const { return last_flags_; }
   const JointCounters& counters() const { return counters_; }
   std::uint32_t window_us() const { return sets_.window_us(configured_window_us()); }
@@ -232,20 +234,16 @@ class JointPath {
   std::uint32_t stale_us() const { return dictionary_.get(od::compensator_control::kStaleTimeOut); }
   // Whether joint `axis` of the arm exists and has a drive.
   bool has_drive(std::size_t axis) const;
-  // Whether following errors have decayed: sets have been evaluated for kRestUs, and no target has
-  // changed in this time.
-  bool has_stood(std::uint64_t now_us) const;
   void end_interval();
   void take_back();
   void take_back_unsent();
   void spoil(Condition condition, std::uint32_t information, std::uint32_t& counter);
   bool compute(std::uint64_t now_us);
-  bool begin();
+  bool tells_positions(std::uint64_t now_us) const;
+  bool begin(std::uint64_t now_us);
   bool release(std::uint64_t now_us);
   void note_set_out(std::uint64_t now_us);
-  std::size_t send_set();
   bool may_compute();
-  bool may_send();
   bool is_kept_from_sync() const;
   void publish();
   void follow_drives();
@@ -255,14 +253,10 @@ class JointPath {
   void interrupted();
   void forget();
   void watch_stream(std::uint64_t now_us);
-  std::uint32_t why_withheld() const;
+  std::uint32_t why_withheld(std::uint64_t now_us) const;
 
   // Consecutive sets without contradiction or short frame that end the EMCY conditions.
   static constexpr std::uint32_t kCleanSets = 100;
-  // Following errors have decayed when the targets have stood for this long.
-  static constexpr std::uint32_t kRestUs = 100'000;
-  // EMCY 0xFF15 is raised if targets come for this long and no set goes out.
-  static constexpr std::uint64_t kWithheldUs = 100'000;
   // Consecutive read-back offsets, none of them sent lately, that raise EMCY 0xFF17.
   static constexpr std::uint32_t kStrangeOffsets = 20;
 
@@ -275,7 +269,9 @@ class JointPath {
   std::uint8_t joint_count_;
 
   SetAssembler sets_;
-  StopForwarder stops_;
+  InlineOutput inline_output_;
+  StreamWatch stream_;
+  StartPositions start_;
   DriveStates drives_;
   SensorInputs inputs_;
   OffsetOutput offset_output_ = OffsetOutput::kAtOnce;
@@ -287,36 +283,22 @@ class JointPath {
   bool began_with_heard_ = false;
   std::uint8_t changed_reference_ = 0;  // number of the axis whose zero was changed, 0 for none
   bool drives_are_downstream_ = false;
-  std::uint32_t heard_ = 0;  // bit k: the actual position of axis k was received in kUnknown
-  std::uint32_t heard_standing_ = 0;  // the same, after has_stood(); no target has changed since
   std::uint32_t clean_sets_ = 0;
 
-  CycleInput input_;    // its targets are unchanged since resting_since_us_
+  CycleInput input_;    // of the cycle that is computed next
   CycleOutput output_;  // of the cycle that was computed last
   std::uint32_t last_cycle_ = 0;
   std::uint32_t first_cycle_ = 0;
   std::uint64_t computed_us_ = 0;   // when output_ was computed
   std::uint64_t last_step_us_ = 0;  // when the last output that went out was computed
-  std::uint64_t resting_since_us_ = 0;
-  std::optional<std::uint64_t> evaluated_since_us_;  // first set that was evaluated after stop()
   std::uint64_t leaving_since_us_ = 0;
   std::array<std::uint32_t, kMaxJoints> strange_offsets_ = {};
   std::uint16_t last_flags_ = 0;
-  bool streaming_ = false;
-  bool sets_pass_ = false;  // the last interval with frames put out its set
-  bool seen_target_ = false;
+  bool sets_pass_ = false;   // the last interval with frames put out its set
   bool is_refused_ = false;  // the drives' bus refused the last set or a part of it
-  // The drives' bus discarded outputs. Until one has left again, sets go out one at a time, so that
-  // a bus that comes back gets no burst of them.
-  bool is_held_up_ = false;
   CommandBacklog backlog_;
-  std::optional<std::uint32_t> tried_at_;  // commands accepted with the one that was tried
   bool is_offset_set_ = false;  // the last set is in the offsets; note_offsets() is to follow
   std::uint8_t unsent_ = 0;     // bit k: the last output of joint k has not reached its drive
-  std::uint64_t last_target_us_ = 0;
-  std::uint64_t last_taken_us_ = 0;     // last target frame given to take_target()
-  std::uint64_t waiting_since_us_ = 0;  // first target frame after the last set or after a pause
-  std::uint64_t last_set_us_ = 0;
   std::uint64_t last_process_us_ = 0;
   JointCounters counters_;
   Latency target_latency_;

@@ -25,6 +25,19 @@ void SensorInputs::note(std::uint16_t index, std::uint8_t sub, std::uint64_t now
   emcy_.clear(Condition::kInputSilent, input);
 }
 
+void SensorInputs::take(const Pdo& pdo, const CanFrame& frame, std::uint64_t now_us) {
+  const Applied applied = apply_rpdo(dictionary_, pdo, frame);
+  if (applied.beyond != 0) {
+    emcy_.raise(Condition::kInputRange, applied.beyond);
+  } else if (applied.has_bounds) {
+    emcy_.clear(Condition::kInputRange);
+  }
+  for (std::size_t k = 0; k < pdo.mapping.count; ++k) {
+    const MappedEntry& mapped = pdo.mapping.entries[k];
+    if ((applied.refused >> k & 1U) == 0) note(mapped.index, mapped.sub, now_us);
+  }
+}
+
 void SensorInputs::read(CycleInput& input) const {
   for (std::size_t sensor = 0; sensor < kMaxSensors; ++sensor) {
     // 0x2020 counts in 0.01 °C.

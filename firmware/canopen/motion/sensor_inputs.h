@@ -11,6 +11,7 @@
 
 #include "firmware/canopen/protocol/emcy.h"
 #include "firmware/canopen/protocol/object_dictionary.h"
+#include "firmware/canopen/protocol/pdo.h"
 #include "firmware/core/compensator.h"
 
 namespace armtrue::canopen {
@@ -18,6 +19,10 @@ namespace armtrue::canopen {
 class SensorInputs {
  public:
   SensorInputs(ObjectDictionary& dictionary, Emcy& emcy) : dictionary_(dictionary), emcy_(emcy) {}
+
+  // Writes every value of a PDO into the dictionary, also values mapped beside targets.
+  // Precondition: frame.len >= pdo.mapping.length.
+  void take(const Pdo& pdo, const CanFrame& frame, std::uint64_t now_us);
 
   // Notes that an object was written; objects other than these inputs are ignored.
   void note(std::uint16_t index, std::uint8_t sub, std::uint64_t now_us);

@@ -20,18 +20,9 @@ bool is_stop(const MappedEntry& mapped, const CanFrame& frame) {
 
 }  // namespace
 
-void StopForwarder::configure(std::span<const Pdo> rpdos) {
-  sent_ = {};
-  is_used_ = std::ranges::any_of(rpdos, [](const Pdo& pdo) {
-    return pdo.valid && pdo.mapping.has_axis_object(kControlword) &&
-           pdo.mapping.has_axis_object(kTargetPosition);
-  });
-}
-
 bool StopForwarder::commands_stop(const Pdo& pdo, const CanFrame& frame) const {
-  return is_used_ && std::ranges::any_of(pdo.mapping.used(), [&](const MappedEntry& mapped) {
-           return is_stop(mapped, frame);
-         });
+  return std::ranges::any_of(pdo.mapping.used(),
+                             [&](const MappedEntry& mapped) { return is_stop(mapped, frame); });
 }
 
 bool StopForwarder::is_new(const Pdo& pdo, const CanFrame& frame) const {
@@ -57,7 +48,6 @@ CanFrame StopForwarder::stop_frame(const Pdo& pdo, const CanFrame& frame) const 
 }
 
 void StopForwarder::note_sent(const Pdo& pdo, const CanFrame& frame) {
-  if (!is_used_) return;
   for (const MappedEntry& mapped : pdo.mapping.used()) {
     const std::uint16_t object = axis_object(mapped.index);
     const std::uint8_t* place = &frame.data[mapped.at];

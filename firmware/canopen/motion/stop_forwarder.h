@@ -12,7 +12,6 @@
 #include <array>
 #include <cstdint>
 #include <optional>
-#include <span>
 
 #include "firmware/canopen/protocol/pdo.h"
 
@@ -20,9 +19,8 @@ namespace armtrue::canopen {
 
 class StopForwarder {
  public:
-  // Forgets what was sent. Without an RPDO that maps both a controlword and a target, no frame is a
-  // stop command.
-  void configure(std::span<const Pdo> rpdos);
+  // Forgets what was sent.
+  void forget() { sent_ = {}; }
 
   // Whether the frame holds a stop command. For this and all below: frame.len is at least
   // pdo.mapping.length.
@@ -42,7 +40,6 @@ class StopForwarder {
     std::optional<std::uint16_t> controlword;
   };
 
-  bool is_used_ = false;
   std::array<Sent, kAxes> sent_ = {};
 };
 

@@ -249,5 +249,30 @@ TEST_F(OffsetLifeTest, BackToBackSets_DoNotSlowDownTheFade) {
   EXPECT_EQ(bench.node().nmt_state(), NmtState::kStopped) << "170 increments by 105 a millisecond";
 }
 
+// A start replaces the stop that waits for the fade, but the offsets still go to zero first.
+TEST_F(OffsetLifeTest, StartDuringTheFade_FirstSetContinuesFromZero) {
+  start(255);
+  bench.run_for(30'000);
+  std::int32_t held = offsets().back();
+  ASSERT_GT(std::abs(held), 150);
+  bench.nmt(128);
+  bench.nmt(1);
+  bool has_ended = false;
+  for (int k = 0; k < 60; ++k) {
+    bench.now_us += 500;
+    bench.turn();
+    bench.now_us += 500;
+    command();
+    for (const std::int32_t offset : offsets()) {
+      EXPECT_LE(std::abs(offset - held), has_ended ? 10 : 106) << k;
+      held = offset;
+      has_ended = has_ended || offset == 0;
+    }
+  }
+  EXPECT_TRUE(has_ended);
+  EXPECT_GT(std::abs(held), 150);
+  EXPECT_EQ(bench.node().nmt_state(), NmtState::kOperational);
+}
+
 }  // namespace
 }  // namespace armtrue::canopen

@@ -198,18 +198,20 @@ void Node::handle_upstream(const CanFrame& frame) {
   const std::size_t number = pdos_.match(frame);
   const bool is_target = joints_.carries_target(number);
   if (number < kRpdos) handle_rpdo(number, frame);
+  const Pdo* lost = withheld_.find(frame);
+  const Pdo* pdo = number < kRpdos ? &pdos_.rpdo(number) : lost;
   // In inline mode the joint path decides whether and when a target is passed on. A command to stop
   // passes in every NMT state.
-  if (is_target && mode() == Mode::kInline) return joints_.forward_stop(pdos_.rpdo(number), frame);
-  if (withholds(frame)) return;
+  if (mode() == Mode::kInline && (is_target || (lost != nullptr && withholds()))) {
+    return joints_.forward_stop(*pdo, frame);
+  }
   if (parts_.downstream == nullptr) return;
   watch_sdo_targets(frame);
-  const bool is_out = to_drives(frame);
-  if (is_out && number < kRpdos) joints_.note_forwarded(pdos_.rpdo(number), frame);
+  if (to_drives(frame) && pdo != nullptr) joints_.note_forwarded(*pdo, frame);
 }
 
-bool Node::withholds(const CanFrame& frame) {
-  if (mode() != Mode::kInline || !withheld_.has(frame) || is_free_of_correction()) return false;
+bool Node::withholds() {
+  if (is_free_of_correction()) return false;
   joints_.note_command(now_us_);
   emcy_.raise(Condition::kSetsWithheld, kNoSet);
   return true;

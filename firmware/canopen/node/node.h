@@ -100,8 +100,8 @@ class Node final : private ObjectHooks, private DriveGuard {
   void apply_configuration();
   // Takes the PDOs from the dictionary.
   void configure_pdos();
-  // Whether a frame was one of a set that has lost its mapping; reports it.
-  bool withholds(const CanFrame& frame);
+  // Whether target frames of a set that has lost its mapping are withheld; reports it.
+  bool withholds();
   void handle_upstream(const CanFrame& frame);
   void handle_downstream(CanFrame& frame);
   // Serves NMT, heartbeat and SDO frames. True if the frame is for this node only.

@@ -45,21 +45,15 @@ void Node::refresh_status() {
   bits |= is_quiet() ? 1U << 3 : 0U;
   bits |= joints_.knows_drives() ? 0U : 1U << 4;
   bits |= has_unsaved_ ? 1U << 5 : 0U;
-  dictionary_.set(status::kStatusBits, bits);
   dictionary_.set(od::kManufacturerStatusRegister, bits);
-  dictionary_.set(status::kCycles, joints.sets);
-  dictionary_.set(status::kClamped,
-                  static_cast<std::uint32_t>(std::min<std::uint64_t>(clamped, UINT32_MAX)));
+  set_run(
+      dictionary_, status::kStatusBits,
+      {bits, joints.sets, static_cast<std::uint32_t>(std::min<std::uint64_t>(clamped, UINT32_MAX)),
+       joints.stale, tables_.refused() + access_.refused_writes(), joints.worst_cycle_us,
+       joints.withheld, joints.repeated, joints.malformed, sdo_targets_});
   for (std::size_t k = 0; k < kAxes; ++k) {
     dictionary_.set(od::kClampedCyclesByAxis[k], cycles.clamped[k]);
   }
-  dictionary_.set(status::kStale, joints.stale);
-  dictionary_.set(status::kRefused, tables_.refused() + access_.refused_writes());
-  dictionary_.set(status::kWorstCycle, joints.worst_cycle_us);
-  dictionary_.set(status::kSetsWithheld, joints.withheld);
-  dictionary_.set(status::kRepeatedFrames, joints.repeated);
-  dictionary_.set(status::kMalformedFrames, joints.malformed);
-  dictionary_.set(status::kTargetsSeenBySDO, sdo_targets_);
   dictionary_.set(status::kJointCount, config_.joint_count);
   dictionary_.set(status::kTimeSinceStart, static_cast<std::uint32_t>(now_us_ / 1000));
   dictionary_.set(status::kOutputFramesRefusedByTheBus, joints.output_refused);
@@ -74,9 +68,8 @@ void Node::refresh_drive_states() {
   dictionary_.set(states::kAxesThatDoNotFollow, joints_.axes_away());
   dictionary_.set(states::kPhase, static_cast<std::uint8_t>(joints_.phase()));
   dictionary_.set(states::kWhySuspended, joints_.suspension());
-  dictionary_.set(states::kSuspensions, joints.suspended);
-  dictionary_.set(states::kResumptions, joints.resumed);
-  dictionary_.set(states::kChangedPositionReferences, joints.reference_changes);
+  set_run(dictionary_, states::kSuspensions,
+          {joints.suspended, joints.resumed, joints.reference_changes});
 }
 
 void Node::refresh_timing() {
@@ -96,14 +89,9 @@ void Node::refresh_health() {
   if (parts_.health == nullptr) return;
   const PortHealth& health = *parts_.health;
   dictionary_.set(refs::kCauseOfTheLastReset, health.reset_cause);
-  dictionary_.set(refs::kStartsSincePowerOn, health.starts);
-  dictionary_.set(refs::kCausesOfTheLastEightResets, health.history);
-  dictionary_.set(refs::kInstructionOfTheLastFault, health.fault_instruction);
-  dictionary_.set(refs::kStatusOfTheLastFault, health.fault_status);
-  dictionary_.set(refs::kAddressOfTheLastFault, health.fault_address);
-  dictionary_.set(refs::kOptionBytes, health.option_bytes);
-  dictionary_.set(refs::kProtectionInForce, health.protection);
-  dictionary_.set(refs::kSupplyDips, health.supply_dips);
+  set_run(dictionary_, refs::kStartsSincePowerOn,
+          {health.starts, health.history, health.fault_instruction, health.fault_status,
+           health.fault_address, health.option_bytes, health.protection, health.supply_dips});
 }
 
 Abort Node::before_read(std::uint16_t index, std::uint8_t sub) {

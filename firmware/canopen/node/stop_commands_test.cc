@@ -4,6 +4,7 @@
 
 #include <random>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #include "firmware/canopen/motion/stop_forwarder.h"
@@ -238,6 +239,34 @@ TEST_F(StopTest, FullBus_TheNextFrameTriesAgain) {
   EXPECT_EQ(drives[0].controlword, kQuickStop);
 }
 
+TEST_F(StopTest, MappingThatEndsUnderACorrection_StopsPassAndTargetsDoNot) {
+  for (const bool is_reset : {true, false}) {
+    run(50);
+    ASSERT_NE(held(), target) << "a correction";
+    bench.nmt(is_reset ? 130 : 128);
+    if (!is_reset) {
+      bench.run_for(600'000);
+      EXPECT_EQ(bench.write(0x1400, 1, 0x80000301, 4), 0U);
+      EXPECT_EQ(bench.write(0x1404, 1, 0x80000305, 4), 0U);
+    }
+    const Joints before = held();
+    cycle(kOperation);
+    EXPECT_EQ(drives[0].frames, 0);
+    for (int k = 0; k < 3; ++k) {
+      cycle(kOperation);
+      for (std::size_t axis = 0; axis < 6; ++axis) {
+        send(axis, kHalt);
+        EXPECT_EQ(drives[axis].controlword, kHalt) << axis;
+        EXPECT_EQ(drives[axis].frames, k + 1) << "one that was lost is repeated";
+      }
+    }
+    EXPECT_EQ(held(), before) << "the corrected targets, which another drive may follow";
+    bench.run_for(600'000);
+    for (unsigned axis = 0; axis < 6; ++axis) map(axis, {axis});
+    bench.start_nodes();
+  }
+}
+
 TEST_F(StopTest, ShortFrame_IsDropped) {
   run(50);
   pass_time();
@@ -288,7 +317,6 @@ TEST(StopForwarderTest, StopOfOneDriveInAFrame_ChangesNothingOfTheOther) {
     return frame;
   };
   StopForwarder stops;
-  stops.configure(pdos.rpdos());
   EXPECT_FALSE(stops.commands_stop(pdo, pair(kOperation, 1, 0x1F, 2)));
   const CanFrame first = stops.stop_frame(pdo, pair(kQuickStop, 1, kOperation, 2));
   EXPECT_EQ(load_le<std::int32_t>(&first.data[8]), 2) << "its own: nothing was sent";
@@ -306,7 +334,7 @@ TEST(StopForwarderTest, StopOfOneDriveInAFrame_ChangesNothingOfTheOther) {
 // A judge of random streams: cycles of several lengths with and without SYNC, joints that rest and
 // move, and one fault at a time (lost, late, doubled frame; lost or doubled SYNC; a pause; a stop).
 // After every frame the drives hold the targets of one cycle, and a stop command has arrived.
-class RandomStreamTest : public StopTest, public testing::WithParamInterface<int> {
+class JudgedStreamTest : public StopTest {
  protected:
   enum Fault { kLost, kLate, kDoubled, kLostSync, kDoubledSync, kPause, kStop, kFaults };
 
@@ -356,11 +384,27 @@ class RandomStreamTest : public StopTest, public testing::WithParamInterface<int
     target = before;
     wait_until(begin_us + period_us);
   }
+  std::mt19937 random{1};
+  std::set<Joints> commanded;
+  Joints judged = {};
+  Joints moved = {};
+  std::array<bool, 6> rests = {};
+  std::optional<CanFrame> late;
+  std::uint64_t period_us = 1000;
+  std::uint64_t gap_us = 20;
+  std::uint64_t phase_us = 0;
+};
+
+class RandomStreamTest : public JudgedStreamTest, public testing::WithParamInterface<int> {
+ protected:
+  RandomStreamTest() { random.seed(static_cast<std::uint32_t>(GetParam())); }
   // Another cycle time, with or without an interruption.
   void restart() {
     wait_until(bench.now_us + (below(2) == 0 ? 100'000 : 3'000));
-    period_us = has_sync ? 1000 : 1000 * (1 + below(4));
-    gap_us = 20 + below(period_us / 8 - 30);
+    // Without SYNC also shorter than the set window of 500 us.
+    constexpr std::uint64_t kPeriods[] = {300, 400, 600, 1000, 2000, 3000, 4000};
+    period_us = has_sync ? 1000 : kPeriods[below(std::size(kPeriods))];
+    gap_us = 20 + below(std::max<std::uint64_t>(period_us / 8, 40) - 30);
     phase_us = has_sync && 6 * gap_us < 700 ? 100 + below(850 - 6 * gap_us) : 0;
     cycles = 0;
   }
@@ -374,15 +418,6 @@ class RandomStreamTest : public StopTest, public testing::WithParamInterface<int
     return static_cast<int>(below(is_learnt ? kFaults : kDoubled));
   }
 
-  std::mt19937 random{static_cast<std::uint32_t>(GetParam())};
-  std::set<Joints> commanded;
-  Joints judged = {};
-  Joints moved = {};
-  std::array<bool, 6> rests = {};
-  std::optional<CanFrame> late;
-  std::uint64_t period_us = 1000;
-  std::uint64_t gap_us = 20;
-  std::uint64_t phase_us = 0;
   int cycles = 0;  // at this cycle time
   int undisturbed = 0;
 };
@@ -399,6 +434,28 @@ TEST_P(RandomStreamTest, SingleFault_MixesNoCyclesAndHoldsBackNoStop) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, RandomStreamTest, testing::Range(0, 12));
+
+// The set window is longer than the cycle: no pause in the stream, however clear, would end a set.
+TEST_F(JudgedStreamTest, CycleShorterThanTheSetWindow_OneLostFrameMixesNothing) {
+  bench.write(0x2000, 2, 0, 1);
+  has_sync = false;
+  for (const std::uint64_t period : {240U, 300U, 400U, 450U}) {
+    for (const std::uint64_t gap : {20U, 30U, 40U, 50U, 75U}) {
+      if (6 * gap > period) continue;
+      for (int lost = 0; lost < 12; ++lost) {
+        SCOPED_TRACE(testing::Message() << period << " us, " << gap << " us, cycle " << lost);
+        wait_until(bench.now_us + 100'000);
+        std::tie(period_us, gap_us) = std::pair(period, gap);
+        const std::uint32_t before = bench.node().joint_counters().sets;
+        for (int k = 0; k < 40; ++k) one_cycle(k == lost ? kLost : kFaults);
+        const bool has_clear_pause = 4 * (period - 5 * gap) > 5 * gap;
+        const std::uint32_t sets = bench.node().joint_counters().sets - before;
+        EXPECT_GE(sets, has_clear_pause ? 30U : 0U);
+        ASSERT_FALSE(HasFailure());
+      }
+    }
+  }
+}
 
 }  // namespace
 }  // namespace armtrue::canopen

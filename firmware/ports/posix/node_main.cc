@@ -15,7 +15,6 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
-#include <ctime>
 #include <fstream>
 #include <memory>
 #include <optional>
@@ -59,19 +58,12 @@ volatile std::sig_atomic_t stop_requested = 0;
 
 void request_stop(int) { stop_requested = 1; }
 
-std::uint64_t host_us() {
-  timespec time = {};
-  clock_gettime(CLOCK_MONOTONIC, &time);
-  return static_cast<std::uint64_t>(time.tv_sec) * 1'000'000U +
-         static_cast<std::uint64_t>(time.tv_nsec) / 1000U;
-}
-
 // Host time of the last start or reset of the device. now_us() counts from it, like a chip's clock,
 // which a reset sets to zero: terms in `time` (warm_up) take it as the time since the arm was
 // switched on.
 std::uint64_t life_began_us = 0;
 
-std::uint64_t now_us() { return host_us() - life_began_us; }
+std::uint64_t now_us() { return armtrue::posix::host_us() - life_began_us; }
 
 int fail(const std::string& sentence) {
   std::fprintf(stderr, "armtrue_node: %s\n", sentence.c_str());
@@ -242,7 +234,7 @@ int main(int argc, char** argv) {
   if (downstream) waits[1].fd = downstream->descriptor();
   while (stop_requested == 0) {
     // One run of the device, from power-on to reset or stop. All RAM content is new.
-    life_began_us = host_us();
+    life_began_us = armtrue::posix::host_us();
     const armtrue::ports::DeviceParts parts = {upstream, downstream ? &*downstream : nullptr, flash,
                                                parameters, &now_us};
     const auto device = std::make_unique<armtrue::ports::Device>(settings, parts);

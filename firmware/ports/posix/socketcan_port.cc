@@ -22,14 +22,14 @@ namespace {
 using canopen::BusState;
 using canopen::CanFrame;
 
+}  // namespace
+
 std::uint64_t host_us() {
   timespec time = {};
   clock_gettime(CLOCK_MONOTONIC, &time);
   return static_cast<std::uint64_t>(time.tv_sec) * 1'000'000U +
          static_cast<std::uint64_t>(time.tv_nsec) / 1000U;
 }
-
-}  // namespace
 
 SocketCanPort::~SocketCanPort() {
   if (socket_ >= 0) close(socket_);

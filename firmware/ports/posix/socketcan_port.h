@@ -19,6 +19,9 @@
 
 namespace armtrue::posix {
 
+// The host's monotonic clock.
+std::uint64_t host_us();
+
 class SocketCanPort final : public canopen::CanPort {
  public:
   SocketCanPort() = default;

@@ -3,15 +3,16 @@
 // An *interval* collects the frames of one cycle. It ends with SYNC if SYNC is in use, otherwise
 // with the set window or a newer frame of the same RPDO. SetContent and SetProgress are its state.
 // No set is ever repeated, completed from an older cycle or extrapolated.
-#ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_ASSEMBLER_H_
-#define ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_ASSEMBLER_H_
+#ifndef ARMTRUE_FIRMWARE_CANOPEN_MOTION_SETS_SET_ASSEMBLER_H_
+#define ARMTRUE_FIRMWARE_CANOPEN_MOTION_SETS_SET_ASSEMBLER_H_
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 
-#include "firmware/canopen/motion/set_window.h"
+#include "firmware/canopen/motion/sets/set_window.h"
 #include "firmware/canopen/protocol/pdo.h"
 
 namespace armtrue::canopen {
@@ -69,7 +70,8 @@ class SetAssembler {
   // quarters of its period if that is longer.
   bool is_over(std::uint32_t configured_us, std::uint64_t now_us) const;
   std::uint32_t window_us(std::uint32_t configured_us) const {
-    return window_.in_force(configured_us);
+    const std::uint32_t window_us = window_.in_force(configured_us);
+    return sync_in_use_ ? window_us : std::min(window_us, window_.bound_us());
   }
 
   // Outcome of an interval.
@@ -116,4 +118,4 @@ class SetAssembler {
 
 }  // namespace armtrue::canopen
 
-#endif  // ARMTRUE_FIRMWARE_CANOPEN_MOTION_SET_ASSEMBLER_H_
+#endif  // ARMTRUE_FIRMWARE_CANOPEN_MOTION_SETS_SET_ASSEMBLER_H_

@@ -1,5 +1,5 @@
 // The set window that is learnt from a controller without SYNC.
-#include "firmware/canopen/motion/set_window.h"
+#include "firmware/canopen/motion/sets/set_window.h"
 
 #include <gtest/gtest.h>
 
@@ -124,6 +124,31 @@ TEST_F(SetWindowTest, OneRoundWithoutAPause_ForgetsWhatWasLearnt) {
   sets(1, {333, 333}, 334);
   set({}, 0);
   EXPECT_EQ(in_force(), kConfigured);
+}
+
+TEST_F(SetWindowTest, OneRound_BoundsTheWindowUntilEightAgree) {
+  expect_frames(3);
+  sets(1, {100, 60}, 240);
+  EXPECT_EQ(window.bound_us(), SetWindow::kUnbounded) << "no round has ended";
+  sets(1, {100, 60}, 240);
+  EXPECT_EQ(window.bound_us(), 400U - (240 + 100) / 2);
+  sets(1, {100, 60}, 200);
+  set({100, 60}, 240);
+  EXPECT_EQ(window.bound_us(), 360U - (200 + 100) / 2) << "a faster round";
+  sets(5, {100, 60}, 240);
+  EXPECT_EQ(window.bound_us(), 210U);
+  sets(10, {100, 60}, 240);
+  EXPECT_EQ(window.bound_us(), 230U);
+  EXPECT_EQ(window.learnt_us(), 230U);
+}
+
+// The second longest gap lies between the first frame of a set and its second: if the first one is
+// lost, the next cycle's comes this much earlier, with a quarter for what the gaps vary.
+TEST_F(SetWindowTest, RoundWithoutAClearPause_BoundsTheWindowToo) {
+  expect_frames(3);
+  sets(2, {100, 80}, 120);
+  EXPECT_EQ(window.bound_us(), 300U - 125);
+  EXPECT_EQ(window.learnt_us(), 0U);
 }
 
 TEST_F(SetWindowTest, LostFrame_KeepsTheWindow) {

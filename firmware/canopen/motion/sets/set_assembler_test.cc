@@ -1,5 +1,5 @@
 // Which frames form a set: SetAssembler alone, without a node.
-#include "firmware/canopen/motion/set_assembler.h"
+#include "firmware/canopen/motion/sets/set_assembler.h"
 
 #include <gtest/gtest.h>
 

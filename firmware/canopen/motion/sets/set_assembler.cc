@@ -1,4 +1,4 @@
-#include "firmware/canopen/motion/set_assembler.h"
+#include "firmware/canopen/motion/sets/set_assembler.h"
 
 #include <algorithm>
 #include <bit>
@@ -68,6 +68,7 @@ SetEvent SetAssembler::take(const Pdo& pdo, std::size_t rpdo, const CanFrame& fr
   }
   if (Held* same = find(rpdo, held_count_)) {
     if (have_equal_targets(pdo, frame, same->frame)) {
+      window_.note(rpdo, now_us);  // an arm at rest may be in its next cycle
       // If the set has not gone out, the newest controlword is the one that has to.
       same->frame = frame;
       return SetEvent::kRepeated;
@@ -87,7 +88,11 @@ SetEvent SetAssembler::take(const Pdo& pdo, std::size_t rpdo, const CanFrame& fr
   if (sent != nullptr && have_equal_targets(pdo, frame, sent->frame)) return SetEvent::kRepeated;
   if (held_count_ == held_.size())
     return SetEvent::kHeld;  // configure() made sure that there is room
-  if (present_ == 0) begin_us_ = now_us;
+  if (present_ == 0) {
+    begin_us_ = now_us;
+    // Without SYNC nothing ends a set in time before the length of a cycle is known.
+    trusted_ = trusted_ && (sync_in_use_ || window_.bound_us() != SetWindow::kUnbounded);
+  }
   held_[held_count_] = {frame, &pdo, static_cast<std::uint8_t>(rpdo)};
   ++held_count_;
   present_ |= 1U << rpdo;
@@ -101,7 +106,7 @@ SetEvent SetAssembler::take(const Pdo& pdo, std::size_t rpdo, const CanFrame& fr
 
 bool SetAssembler::is_over(std::uint32_t configured_us, std::uint64_t now_us) const {
   if (present_ == 0 || progress_ == SetProgress::kOut) return false;
-  std::uint64_t limit_us = window_.in_force(configured_us);
+  std::uint64_t limit_us = window_us(configured_us);
   if (sync_in_use_) {
     // A whole set waits for SYNC. Missing frames are accepted only while they must belong to this
     // interval: if SYNC is late, a frame of the next cycle may arrive before it.

@@ -1,4 +1,4 @@
-#include "firmware/canopen/motion/set_window.h"
+#include "firmware/canopen/motion/sets/set_window.h"
 
 #include <algorithm>
 #include <bit>
@@ -42,24 +42,31 @@ void SetWindow::note(std::size_t rpdo, std::uint64_t now_us) {
 void SetWindow::end_round() {
   const bool has_each_once =
       seen_ == expected_ && frames_ == static_cast<std::uint32_t>(std::popcount(expected_));
-  const bool has_pause = longest_us_ * 4U > second_us_ * kPauseQuarters;
-  if (!has_each_once || !has_pause) {
+  const std::uint32_t clear_us = second_us_ * kPauseQuarters / 4U;
+  const bool has_pause = longest_us_ > clear_us;
+  // A lost frame hides the pause: the round proves nothing.
+  if (!has_each_once) {
     agreed_ = 0;
-    // No pause separates the sets any more. A lost frame hides the pause, too: it proves nothing.
-    if (has_each_once) learnt_us_ = 0;
     return;
   }
   // Half-way between the last frame of a set (total - longest) and the earliest frame of the next
   // cycle that could replace a missing first one (total - second).
-  const std::uint32_t window_us = total_us_ - (longest_us_ + second_us_) / 2;
+  const std::uint32_t window_us =
+      total_us_ - (has_pause ? (longest_us_ + second_us_) / 2 : clear_us);
+  bound_us_ = std::min(bound_us_, window_us);
+  if (!has_pause) {  // that would separate the sets
+    agreed_ = 0;
+    is_learnt_ = false;
+    return;
+  }
   const std::uint32_t span_us = total_us_ - longest_us_;
-  learnt_us_ = std::min(learnt_us_, window_us);
   candidate_us_ = agreed_ == 0 ? window_us : std::min(candidate_us_, window_us);
   widest_us_ = agreed_ == 0 ? span_us : std::max(widest_us_, span_us);
   if (widest_us_ >= candidate_us_) {
     agreed_ = 0;
   } else if (++agreed_ >= kRounds) {
-    learnt_us_ = candidate_us_;
+    bound_us_ = candidate_us_;
+    is_learnt_ = true;
     agreed_ = 0;
   }
 }
