@@ -748,7 +748,7 @@ TEST_F(CompensatorTest, DirectionNeedsMoreThanTheDeadBand) {
   EXPECT_NEAR(move(-90), -backlash, 1);  // does not add up: the anchor is the furthest point
   EXPECT_NEAR(move(-20), backlash, 1);   // 110 below it: moved down
   compensator.restart_stream();
-  EXPECT_NEAR(move(0), backlash, 1);  // the same target again: the joint stands as it stood
+  EXPECT_NEAR(move(0), backlash, 1);  // the same target again: the direction is kept
   compensator.restart_stream();
   EXPECT_NEAR(move(80), backlash, 1);  // within the dead band
   compensator.restart_stream();

@@ -209,7 +209,7 @@ TEST(PowerCut, AtEveryPairOfOperations) {
     for (std::size_t first = 0; first < first_operations; ++first) {
       for (const CutKind first_kind : kAllCutKinds) {
         for (const CutKind second_kind : kAllCutKinds) {
-          // Until the second power-on runs to its end: its number of operations depends on the
+          // Repeated until the second power-on completes: its number of operations depends on the
           // first cut.
           bool interrupted = true;
           for (std::size_t second = 0; interrupted; ++second) {

@@ -89,7 +89,7 @@ TEST(Stance, MeasurementEffect_DoesNotMoveTheArm) {
   EXPECT_DOUBLE_EQ(arm.state.column("tau1").front(), nominal);
 }
 
-TEST(Stance, NoTermReadsLoads_NothingMoves) {
+TEST(Stance, TermsIndependentOfLoads_NeedNoIteration) {
   Pendulum arm({{"q1", {0.4}}}, "q1");
   BasisTable basis(arm.model, arm.state, arm.kinematics->layout());
   EXPECT_EQ(stand(arm.state, basis, arm.model, {kSoft}, *arm.kinematics), 0.0);

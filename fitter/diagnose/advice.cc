@@ -93,8 +93,8 @@ void advise_periods(const Diagnosis& d, const Candidate& table, std::vector<std:
     if (!periods.empty()) all += (all.empty() ? "" : "; ") + periods;
   }
   if (!all.empty()) {
-    advice.push_back("the joint error that the table stands for repeats (" + all +
-                     "): neither gravity nor low harmonics");
+    advice.push_back("the joint error in this table is periodic (" + all +
+                     "): neither gravity nor low harmonics cause it");
   }
 }
 
@@ -129,8 +129,8 @@ std::string advise_rival(const Candidate& best, const Candidate& other, int join
   const std::string either = label(best.request) + " or " + label(other.request) + ": ";
   const std::string how = "; " + how_to_tell(best, other, joints);
   const bool settled = is_settled(best, other);
-  if (!settled && other.probability >= kImprobable) return either + "this data cannot tell" + how;
-  std::string text = either + "this data prefers the first, but the second explains " +
+  if (!settled && other.probability >= kImprobable) return either + "the data do not decide" + how;
+  std::string text = either + "the data favour the first, but the second explains " +
                      (other.score.explained > best.score.explained ? "more" : "nearly as much");
   if (other.parameters.size() > best.parameters.size()) {
     text += " with " + std::to_string(other.parameters.size()) + " parameters instead of " +
@@ -229,11 +229,11 @@ bool advise_direction(const Diagnosis& d, const Fit& fit, std::vector<std::strin
   const std::string unrecorded_payload =
       fit.state().recorded("payload") ? "" : "; if the payload changed, record that too";
   advice.push_back(
-      (s.between_repeats ? "repeats of one pose differ" : "what is left lies") +
+      (s.between_repeats ? "repeats of one pose differ" : "the remaining error lies") +
       std::string(" mostly along the motion of joint ") + std::to_string(s.joint) + " (" +
       number_words(std::round(100.0 * s.share)) + " %), as backlash does: record " + column +
-      ", the direction of approach, and approach poses from both sides (if the arm went straight "
-      "from row to row, `derive: {dir: from_order}` in a dataset.yaml takes it from that)" +
+      ", the direction of approach, and approach poses from both sides (if the arm moved directly "
+      "from row to row, `derive: {dir: from_order}` in a dataset.yaml derives it)" +
       unrecorded_payload);
   return true;
 }
@@ -263,7 +263,7 @@ std::string event_of_step(const StructureFinding& f, const Fit& fit) {
   if (f.tried > 0) {
     return "probable cause: the tracker was moved or set up anew in the pause; number the poses "
            "before and after it 1 and 2 in a column station, and add that effect (a drift over all "
-           "sessions looks much the same)";
+           "sessions fits nearly as well)";
   }
   if (f.coordinate.starts_with("base")) {
     return "probable cause: the tracker or a nest was knocked; number the poses before and after "
@@ -281,30 +281,30 @@ std::string event_of_step(const StructureFinding& f, const Fit& fit) {
   }
   if (f.coordinate.starts_with("link")) {
     return "probable cause: a part of the arm moved (a collision, a loose screw); fit only the "
-           "poses after it, which are of the arm as it is now";
+           "poses after it, which describe the present arm";
   }
   return "probable cause: a joint's zero moved (a new mastering, a belt that jumped a tooth); fit "
-         "only the poses after it, which are of the arm as it is now";
+         "only the poses after it, which describe the present arm";
 }
 
 // The likely cause that a finding's form indicates, and what to do; empty if it indicates none.
 std::string event_of(const StructureFinding& f, const Fit& fit) {
   if (is_motion(f)) {
-    return "probable cause: backlash; `derive: {dir: from_order}` in a dataset.yaml takes "
-           "directions from the order of the rows; if the arm did not go straight from row to row, "
-           "record " +
+    return "probable cause: backlash; `derive: {dir: from_order}` in a dataset.yaml derives "
+           "directions from the order of the rows; if the arm did not move directly from row "
+           "to row, record " +
            f.variables.front();
   }
   if (f.nodes > 0) {  // set by find_swings only
-    return "probable cause: base or instrument swing (air conditioning, sunlight, the tracker's "
-           "stand); shield them, or measure a reflector on the floor between poses to see it";
+    return "probable cause: periodic motion of base or instrument (air conditioning, sunlight, the "
+           "tracker's stand); shield them, or measure a reflector on the floor between poses";
   }
   if (f.variables != std::vector<std::string>{"time"}) return "";
   if (is_step(f)) return event_of_step(f, fit);
   // No function of time is advised: its correction would go on growing after the session.
   return f.coordinate.starts_with("motor")
-             ? "probable cause: a joint's zero creeps as it warms; record temperatures "
-               "(temp_NAME), which the arm will meet again"
+             ? "probable cause: a joint's zero drifts as it warms; record temperatures "
+               "(temp_NAME), so that the drift can be corrected"
              : "probable cause: base or instrument creep; number parts of the session in a column "
                "station, and add that effect, which is fitted and not exported";
 }
@@ -350,16 +350,16 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
     const StructureFinding& f = d.unexplained().front();
     std::string what;
     for (const std::string& v : f.variables) what += (what.empty() ? "" : " and ") + v;
-    advice.push_back("what is left depends on " + what + " and acts like " + f.coordinate + ": " +
-                     f.shape);
+    advice.push_back("the remaining error depends on " + what + " and acts as " + f.coordinate +
+                     ": " + f.shape);
     const std::string event = event_of(f, fit);
     advice.push_back(!event.empty() ? event
-                                    : "no effect of the catalogue has that form; the generic "
+                                    : "no effect of the catalogue has this form; the generic "
                                       "remedy is: " +
                                           remedy(f, fit));
     if (!is_load(f) && may_be_load(f, fit.robot().joint_count()) && load_is_unrecorded(d, fit)) {
       advice.push_back(
-          "or the tool's load changed, which no column tells: record it in a column payload [kg]");
+          "or the tool's load changed without being recorded: record it in a column payload [kg]");
     }
     if (is_motion(f)) return;
     if (goes_with_time(f)) {
@@ -367,33 +367,34 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
       return;
     }
     if (d.neighbour_ratio < kNeighboursAlike) {
-      advice.push_back("neighbouring poses err alike: it repeats and can be compensated");
+      advice.push_back(
+          "neighbouring poses have similar errors: they are repeatable and can be compensated");
     } else if (d.lack_of_fit.testable && d.lack_of_fit.against == "repeats") {
       advice.push_back(
           d.lack_of_fit.log10_p < -5.0
-              ? "repeats of one pose agree: it repeats and can be compensated"
-              : "the repeats do not tell whether it repeats: measure more poses again");
+              ? "repeats of one pose agree: the error is repeatable and can be compensated"
+              : "the repeats do not show whether the error is repeatable: repeat more poses");
     } else {
-      advice.push_back("whether it repeats is not known: no pose was measured again");
+      advice.push_back("it is not known whether the error is repeatable: repeat some poses");
     }
     advise_direction(d, fit, advice);
     return;
   }
   if (d.gross) {
     advice.push_back(gross_words(*d.gross) +
-                     ": an error of the arm that stands out there, not bumped "
+                     ": a local error of the arm, not bumped "
                      "reflectors; measure more poses there, and give joint " +
                      number_words(d.gross->joint) +
                      " a table (transmission_pwl) fine enough for it");
     return;
   }
-  advice.push_back("what is left is more than the " + d.lack_of_fit.against +
+  advice.push_back("the remaining error is larger than the " + d.lack_of_fit.against +
                    " allow and depends on no recorded variable");
   if (d.lack_of_fit.against == "repeats") {
     advice.push_back(
-        "repeats agree at one pose and poses do not: either it repeats in a finer pattern than "
-        "these poses resolve, or the repeats were taken in one visit and do not show how the arm "
-        "scatters from visit to visit: leave the pose and come back between repeats");
+        "repeats of one pose agree, and residuals of different poses do not: either the error "
+        "varies too fast over the joints for these poses, or the repeats were taken without "
+        "leaving the pose and do not show the arm's repeatability: leave the pose between repeats");
   }
   advise_direction(d, fit, advice);
   advise_columns(d, fit, advice);
@@ -413,23 +414,23 @@ void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
     // A floor from distances between reflectors is the instrument's alone: the arm's own
     // repeatability moves all reflectors together and does not show in them.
     advice.push_back("nothing to add was found; whether the " + micrometre_words(held_out) +
-                     " left over are noise is not known: repeat some poses" +
+                     " that remain are noise is not known: repeat some poses" +
                      (floor.source == "none" ? ", or state the instrument's sigma" : ""));
   } else if ((in_train || in_held_out) && d.rounding.size > 0.0) {
     advice.push_back("nothing to add was found, and the " + micrometre_words(held_out) +
-                     " left over are no more than joint angles in steps of " + d.rounding.words +
-                     " make");
+                     " that remain are no more than rounding of joint angles to steps of " +
+                     d.rounding.words + " causes");
   } else if (in_train) {
-    advice.push_back(
-        "nothing to add was found, but poses err by " + micrometre_words(held_out) +
-        ", repeats of one pose by " + micrometre_words(floor.mean) +
-        ": something differs from visit to visit that is not recorded, or wrongly (direction of "
-        "approach, payload, heat), or joints repeat worse between visits than these repeats show");
+    advice.push_back("nothing to add was found, but the error is " + micrometre_words(held_out) +
+                     " and repeats of one pose scatter by " + micrometre_words(floor.mean) +
+                     ": a condition differs between visits of a pose and is not recorded correctly "
+                     "(direction of approach, payload, temperature), or the arm repeats worse than "
+                     "these repeats show");
   } else if (in_held_out) {
-    advice.push_back("nothing to add was found, but poses that were not fitted err by " +
-                     micrometre_words(held_out) + ", noise alone by " +
-                     micrometre_words(floor.mean) +
-                     ": the model has more freedom than these poses can settle; measure more");
+    advice.push_back(
+        "nothing to add was found, but the error on held-out poses is " +
+        micrometre_words(held_out) + ", and the noise alone " + micrometre_words(floor.mean) +
+        ": these poses do not determine all parameters of the model (overfitting); measure more");
   } else if (d.probability_nothing < kMoreLikelyThanNot) {
     advice.push_back(
         "nothing to add was found, but what is left may be more than noise: measure "
@@ -456,7 +457,7 @@ std::vector<std::string> advise(const Diagnosis& d, const Fit& fit,
         label(left_out->request) + " (probability " +
         number_words(std::round(100.0 * left_out->probability)) +
         " %) was fitted and left out, because it does not lower the error on held-out "
-        "poses: a wrong column, an effect outside the catalogue or chance can imitate it");
+        "poses: a wrong column, an effect outside the catalogue or chance may look like it");
   }
   if (d.verdict == Verdict::kMissingEffect) advise_missing(d, fit.robot(), advice);
   if (d.verdict == Verdict::kUnexplainedStructure) advise_structure(d, fit, advice);
@@ -466,7 +467,7 @@ std::vector<std::string> advise(const Diagnosis& d, const Fit& fit,
     advice.push_back(words_of(d.noise, linearization, fit.robot()));
   if (d.rounding.size > 0.0) {
     advice.push_back("the file has joint angles in steps of " + d.rounding.words +
-                     ", which alone would scatter a joint as much: write more digits");
+                     ", and this rounding alone causes as much scatter: write more digits");
   }
   const std::string tables = sentence_of(d.tables);
   if (!tables.empty()) advice.push_back(tables);

@@ -124,8 +124,8 @@ TEST(Scorer, SearchedBlockSpannedByTheFit_IsMarkedSpanned) {
 }
 
 TEST(Scorer, BeyondOmitsPartsThatFittedColumnsReproduce) {
-  // The rest of a rail beside its table was once reported as an arch of 605 um. The table could
-  // represent all but 117 um of it, so the size of that part was arbitrary.
+  // The part of a rail's error that its table leaves was once reported as an arch of 605 um. The
+  // table could represent all but 117 um of it, so the size of that part was arbitrary.
   const double size = 1e-4;
   const auto custom = [](const std::string& expression) -> json {
     return {{"name", "wave"}, {"coordinate", "motor5"}, {"expression", expression}, {"bound", 1.0}};

@@ -56,18 +56,19 @@ std::string motor_words(double cycles, double turns, double resolution) {
   const std::string line = line_words(false, cycles);
   char text[320];
   if (order.numerator == 0.0) {
-    std::snprintf(text, sizeof text,
-                  "%s is %.3g times the motor's %.6g turns a turn of the joint, no multiple or "
-                  "simple fraction: a wheel or bearing inside the gear may turn so, or lines that "
-                  "lie closer together than the %.2g cycles that the joint's travel tells apart",
-                  line.c_str(), cycles / turns, turns, resolution);
+    std::snprintf(
+        text, sizeof text,
+        "%s is %.3g times the motor's %.6g turns per joint turn, no multiple or simple "
+        "fraction: a wheel or bearing inside the gear may have this rate, or several lines "
+        "are closer together than the %.2g cycles that the joint's travel resolves",
+        line.c_str(), cycles / turns, turns, resolution);
   } else if (std::abs(cycles - order.value() * turns) < kSameCount * cycles) {
-    std::snprintf(text, sizeof text, "%s is %s times the motor's %.6g turns a turn of the joint",
+    std::snprintf(text, sizeof text, "%s is %s times the motor's %.6g turns per joint turn",
                   line.c_str(), order.words().c_str(), turns);
   } else {
     std::snprintf(text, sizeof text,
-                  "%s is %s times the motor's turns a turn of the joint if gear_ratio is %.6g, "
-                  "and not the %.6g of robot.yaml",
+                  "%s is %s times the motor's turns per joint turn if gear_ratio is %.6g instead "
+                  "of the %.6g in robot.yaml",
                   line.c_str(), order.words().c_str(), cycles / order.value(), turns);
   }
   return text;
@@ -78,9 +79,10 @@ std::string grid_words(const JointSpectrum& spectrum, double cycles) {
   if (others.empty()) return "";
   const double grid =
       spectrum.slides ? 1e3 * spectrum.grid : spectrum.grid * 180.0 / std::numbers::pi;
-  return "q" + std::to_string(spectrum.joint) + " stands on a grid of " + number_words(grid) +
-         (spectrum.slides ? " mm" : " deg") + ", on which " + others + " look the same as " +
-         line_words(spectrum.slides, cycles) + ": measure poses between to tell";
+  return "all values of q" + std::to_string(spectrum.joint) + " are on a grid of " +
+         number_words(grid) + (spectrum.slides ? " mm" : " deg") + ", on which " + others +
+         " look the same as " + line_words(spectrum.slides, cycles) +
+         " (aliasing): measure poses between the grid values";
 }
 
 }  // namespace
@@ -110,8 +112,8 @@ std::vector<std::string> line_advice(const EffectRequest& request,
   std::vector<std::string> advice = std::move(on_grid);
   if (by_order) return advice;
   advice.push_back(lines_words(slides, all) + " on joint " + std::to_string(joint) +
-                   (slides ? ": look for a screw or pinion that travels so far a turn"
-                           : ": look for a gear or bearing of that count"));
+                   (slides ? ": look for a screw or pinion with this travel per turn"
+                           : ": look for a gear or bearing with this number of cycles per turn"));
   advice.insert(advice.end(), by_motor.begin(), by_motor.end());
   return advice;
 }

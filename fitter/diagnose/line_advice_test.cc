@@ -22,21 +22,24 @@ std::vector<std::string> advice_on(const json& options, double grid = 0.0, bool 
 }
 
 TEST(LineAdvice, LineAtAMotorOrder_NamesTheOrder) {
-  EXPECT_EQ(advice_on({{"cycles", {360.0}}}),
-            (std::vector<std::string>{
-                "360 cycles a turn on joint 5: look for a gear or bearing of that count",
-                "360 cycles a turn is 3 times the motor's 120 turns a turn of the joint"}));
+  EXPECT_EQ(
+      advice_on({{"cycles", {360.0}}}),
+      (std::vector<std::string>{
+          "360 cycles a turn on joint 5: look for a gear or bearing with this number of cycles "
+          "per turn",
+          "360 cycles a turn is 3 times the motor's 120 turns per joint turn"}));
   EXPECT_EQ(advice_on({{"cycles", {40.0}}}).back(),
-            "40 cycles a turn is 1/3 times the motor's 120 turns a turn of the joint");
-  EXPECT_EQ(advice_on({{"cycles", {119.7}}}).back(),
-            "119.7 cycles a turn is 1 times the motor's turns a turn of the joint if gear_ratio is "
-            "119.7, and not the 120 of robot.yaml");
+            "40 cycles a turn is 1/3 times the motor's 120 turns per joint turn");
+  EXPECT_EQ(
+      advice_on({{"cycles", {119.7}}}).back(),
+      "119.7 cycles a turn is 1 times the motor's turns per joint turn if gear_ratio is 119.7 "
+      "instead of the 120 in robot.yaml");
 }
 
 TEST(LineAdvice, LineAtNoMotorOrder_NamesOtherCauses) {
   const std::string words = advice_on({{"cycles", {40.5}}}).back();
   EXPECT_NE(words.find("0.338 times the motor's 120 turns"), std::string::npos) << words;
-  EXPECT_NE(words.find("the 0.8 cycles that the joint's travel tells apart"), std::string::npos);
+  EXPECT_NE(words.find("the 0.8 cycles that the joint's travel resolves"), std::string::npos);
   // 1080 is nine times the motor's turns: more than any shaft's order.
   EXPECT_NE(advice_on({{"cycles", {1080.0}}}).back().find("no multiple"), std::string::npos);
 }
@@ -48,12 +51,14 @@ TEST(LineAdvice, WithoutGearRatio_NamesTheCountOnly) {
 
 TEST(LineAdvice, PositionsOnAGrid_NamesTheAliases) {
   const std::string words = advice_on({{"cycles", {13.0}}}, 0.1745329251994330).front();
-  EXPECT_EQ(words.find("q5 stands on a grid of 10 deg, on which 23 cycles a turn"), 0u) << words;
+  EXPECT_EQ(words.find("all values of q5 are on a grid of 10 deg, on which 23 cycles a turn"), 0u)
+      << words;
   // The motor turns 120 times: on a grid of 50 deg (7.2 positions a turn) that is like 2.4 turns.
   EXPECT_EQ(advice_on({{"orders", {1.0}}}, 0.8726646259971648),
             (std::vector<std::string>{
-                "q5 stands on a grid of 50 deg, on which 2.4 cycles a turn and 4.8 cycles a turn "
-                "look the same as 120 cycles a turn: measure poses between to tell"}));
+                "all values of q5 are on a grid of 50 deg, on which 2.4 cycles a turn and 4.8 "
+                "cycles a turn look the same as 120 cycles a turn (aliasing): measure poses "
+                "between the grid values"}));
 }
 
 }  // namespace

@@ -80,18 +80,19 @@ void find_waves(const std::map<double, double>& nodes, TableVerdict& verdict) {
 
 std::string next_of(const TableVerdict& t) {
   if (t.joints.empty())
-    return "record what may act (temperatures, payload, directions), and look again";
+    return "record possible causes (temperatures, payload, directions), and diagnose again";
   const std::string joint = std::to_string(t.joints.front());
   if (t.cycles > 0.0)
     return "try gear_mesh on joint " + joint + " with cycles=[" + number_words(t.cycles) + "]";
-  if (t.waves > kWavesHold) return "try gear_harmonics on joint " + joint + " in its place";
+  if (t.waves > kWavesHold) return "try gear_harmonics on joint " + joint + " instead";
   return "turn joint " + joint +
-         " alone in fine steps, with two payloads: what stays is its gear, what grows is load";
+         " alone in fine steps, with two payloads: an error of its gear stays the same, a "
+         "deflection grows";
 }
 
 std::string next_of_slide(int joint) {
   return "move joint " + std::to_string(joint) +
-         " alone in fine steps: a wave as long as its screw or pinion travels in a turn is "
+         " alone in fine steps: a wave as long as the travel per turn of its screw or pinion is "
          "gear_mesh, with lead or wavelengths";
 }
 
@@ -174,7 +175,7 @@ std::string sentence_of(const std::vector<TableVerdict>& tables) {
   char cost[80];
   std::snprintf(cost, sizeof cost, "%.0f nodes, %.2g for each pose", nodes, per_pose);
   return which + ": a table, not physics (" + cost +
-         "): it holds where poses lie and says nothing beyond them; to turn it into physics, " +
+         "): it describes the error only where poses were measured; to find a physical effect, " +
          clearest->next;
 }
 

@@ -189,8 +189,8 @@ TEST(Identifiability, ConstantJoints_KeptParametersStaySmall) {
     const Parameter& q = p.model.parameters[static_cast<std::size_t>(index)];
     if (q.effect != "joint_offset" && q.effect != "link_geometry") continue;
     const double value = design.values()[static_cast<std::size_t>(index)];
-    // A kept parameter represents several true errors, which add up; an undetermined one would go
-    // to the prior's tens of millimetres.
+    // A kept parameter represents several true errors, which add up; an undetermined one would
+    // reach tens of millimetres, the width of its prior.
     EXPECT_LT(std::abs(value), q.unit == "m" ? 5e-3 : 1e-2) << q.name;
   }
   EXPECT_LT(summarise(residual_distances(design)).mean, 3e-5);

@@ -142,7 +142,8 @@ TEST(State, RegressorsAddUpToTheTorques) {
 }
 
 TEST(State, MeasuredTorque_IsUsedOnlyWithoutMasses) {
-  // A device computes it. A drive's sign, or a sensor's scale, must not enter a coefficient.
+  // A device computes the torque: the sign of a drive or the scale of a sensor must not enter a
+  // coefficient.
   for (const bool with_masses : {true, false}) {
     Heavy arm(with_masses);
     arm.columns["tau2"] = {1.0, 2.0, 3.0, 4.0, 5.0};

@@ -106,8 +106,8 @@ TEST(MeasurementChoice, RemovingTheOnlyInformation_KeepsPrecision) {
   choice.add(0);
   choice.add(1);
   for (const std::size_t i : {2, 3}) {
-    // Six equations for six unknowns: without either of the two, three directions are as good as
-    // unknown.
+    // Six equations for six unknowns: without one of the two measurements, three directions are
+    // practically undetermined.
     choice.remove(1);
     choice.add(i);
     choice.remove(i);

@@ -204,7 +204,7 @@ TEST(Fit, KeptWeightsOfTheStart_MatchAFullFit) {
   EXPECT_FALSE(fit_of(p, whole, options)->kept_weights());
 }
 
-// While the model lacked an effect that turns the tool, orientations had less weight.
+// Before, the model lacked an effect that turns the tool, and orientations had less weight.
 TEST(Fit, MissingEffectAdded_OrientationsRegainTheirWeight) {
   json lacking = testing::geometry_model();
   lacking["effects"].push_back("transmission_pwl");

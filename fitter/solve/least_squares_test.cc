@@ -53,7 +53,7 @@ TEST(LeastSquares, FarStart_ConvergesToTheSameCost) {
   }
 }
 
-TEST(LeastSquares, AccuracyOnTheWay_CostIsWithinOnePercent) {
+TEST(LeastSquares, IntermediateAccuracy_CostIsWithinOnePercent) {
   Balanced b;
   Design& design = b.fit->design();
   std::vector<double> away = b.solution;

@@ -91,7 +91,7 @@ def test_host_and_chip_agree_in_every_bit(kr30: tuple[np.ndarray, np.ndarray, re
         assert np.array_equal(host[field], chip[field]), field
 
 
-def test_the_recording_meets_every_state(kr30: tuple[np.ndarray, np.ndarray, recording.Recording]) -> None:
+def test_recording_covers_every_state(kr30: tuple[np.ndarray, np.ndarray, recording.Recording]) -> None:
     host, _, made = kr30
     assert {recording.PASS_THROUGH, recording.BLENDING, recording.ACTIVE} == set(host["state"])
     assert np.abs(host["delta"][:, :6]).max() > 1000

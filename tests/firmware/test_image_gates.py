@@ -61,7 +61,7 @@ def test_no_floating_point_instruction(image: str, request: pytest.FixtureReques
     assert not found
 
 
-def test_gates_detect_what_they_look_for() -> None:
+def test_gates_detect_deliberate_violations() -> None:
     """A gate that cannot fail would check nothing."""
     assert all(HEAP.match(name) for name in ("malloc", "_Znwj", "_ZdlPv", "_sbrk"))
     assert not HEAP.match("_ZN7armtrue5solveE")

@@ -12,7 +12,7 @@ from armtrue_sim import simulate
 
 @pytest.mark.parametrize("earlier_s", [1200.0, 86400.0])
 def test_arm_before_its_warm_up_is_cold(tmp_path: Path, earlier_s: float) -> None:
-    # 1 - exp(-t/tau) at negative t predicted the arm 1e20 m away a day before the session.
+    # 1 - exp(-t/tau) is huge at negative t: a day before the session the predicted position was 1e20 m away.
     simulate({"arm": "kr30", "seed": 2, "poses": 150, "hidden": [{"effect": "warm_up"}]}, tmp_path)
     robot = armtrue.load_robot(tmp_path / "robot.yaml")
     model = armtrue.load_model(tmp_path / "model.yaml", robot)

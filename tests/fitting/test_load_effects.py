@@ -135,7 +135,7 @@ def test_load_effects_do_no_harm_on_an_arm_as_stated(given):
         ({"effect": "cross_compliance", "joints": [2, 3]}, "cross_compliance[2,3]", 1e-6),
         ({"effect": "coupling_harmonics", "joints": [5, 4]}, "coupling_harmonics[5,4].sin1", 2e-4),
         ({"effect": "axis_wobble", "joints": [1]}, "axis_wobble[1].rx_sin2", 5e-5),
-        # Order 1: the other sense of turning belongs to the geometry, and left coefficients that are no wobble.
+        # Order 1: the component that turns in the opposite sense belongs to the geometry; it once gave false wobbles.
         ({"effect": "axis_wobble", "joints": [1]}, "axis_wobble[1].rxy_cos1", 5e-5),
     ],
 )

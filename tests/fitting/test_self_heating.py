@@ -36,7 +36,7 @@ def test_prediction_assumes_the_mean_self_heating(tmp_path: Path) -> None:
     left_out = data.positions_m - fitted.residuals() - predicted
     turned = dataclasses.replace(data, columns={**data.columns, "q2": data.columns["q2"] + 1e-4})
     lever = (fitted.predict(turned) - predicted) / 1e-4
-    # Of the angle by which heat turns axis 2, weighted by how far a turn moves the reflector.
+    # Mean and spread of the angle by which heat turns axis 2, weighted by the reflector's lever arm.
     mean = (left_out * lever).sum() / (lever**2).sum()
     spread = np.sqrt((left_out**2).sum() / (lever**2).sum())
     assert spread > 1e-6

@@ -90,7 +90,8 @@ def test_hidden_effects_are_found_in_hard_circumstances(kind: str, arm: str) -> 
     ),
 )
 def test_arm_that_differs_from_robot_yaml_is_diagnosed_right(kind: str, arm: str) -> None:
-    # Masses 20 % off, base not level, loads on the deflected arm: the search must fit masses, or it is led astray.
+    # Masses 20 % off, base not level, loads on the deflected arm: unless the search fits masses, it names wrong
+    # effects.
     outcome = run_case(kind, arm, 20000)
     assert verdict_of(outcome) == "right", outcome
 

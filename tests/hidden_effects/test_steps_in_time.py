@@ -146,7 +146,7 @@ def test_headline_and_advice_agree_on_rounded_angles(tmp_path: Path) -> None:
     plan = {"arm": "kr30", "seed": 9, "poses": 160, "hidden": []}
     last = diagnose(fitted(plan, tmp_path, rounded))
     assert "more than noise" in verdict_words(last)
-    assert "joint angles in steps of 0.01 deg make" in last["advice"][0]
+    assert "joint angles to steps of 0.01 deg cause" in last["advice"][0]
     assert not any("what is left is noise" in sentence for sentence in last["advice"])
 
 

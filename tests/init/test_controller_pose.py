@@ -85,7 +85,7 @@ def test_ambiguous_second_point_is_a_reflector_with_a_hint(tmp_path, campaign: C
     found = read(campaign, tmp_path, file)
     assert found.data.labels["target"] == ["Flange", "B"]
     assert "2 reflectors, one below the other: Flange, B" in found.said
-    assert "should 'Flange' be the controller's own pose" in found.said
+    assert "if 'Flange' is the controller's own pose" in found.said
     assert "rows: {where: {target: B}}" in found.said
     with (tmp_path / "arm" / "dataset.yaml").open("a") as stream:
         stream.write("rows: {where: {target: B}}\n")
@@ -184,5 +184,5 @@ def test_numbered_tcp_pose_columns_are_left_out(tmp_path, campaign: Campaign):
     )
     found = read(campaign, tmp_path, file)
     tracker_alone(found, campaign.points)
-    assert "target_TCP_pose_0: not taken, as it is the controller's own pose by its name" in found.said
+    assert "target_TCP_pose_0: not taken, as by its name it is the controller's own pose" in found.said
     assert not found.dataset.get("variables")

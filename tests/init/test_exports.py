@@ -106,7 +106,7 @@ def test_reflectors_named_in_the_file_of_points_are_written(tmp_path, campaign):
     assert sorted(found.data.labels["target"]) == ["far", "near"]
 
 
-def test_one_reflector_for_all_rows_is_not_said_to_be_written(tmp_path, campaign):
+def test_constant_reflector_column_is_left_out_with_a_note(tmp_path, campaign):
     points = sa_file(
         tmp_path / "points.txt", 1e3 * campaign.points, [SA_HEADER], ["ball"] * len(campaign.points)
     )
@@ -198,7 +198,7 @@ def test_numbers_under_one_header_join_files(tmp_path, campaign):
     assert "PR" not in found.data.columns
 
 
-def test_files_without_a_common_column_are_told_which_headers_count(tmp_path, campaign):
+def test_refusal_without_a_common_column_lists_accepted_headers(tmp_path, campaign):
     columns = {axis: 1e3 * campaign.points[:70, k] for k, axis in enumerate("XYZ")}
     points = write(tmp_path / "points.csv", columns)
     with pytest.raises(InputError) as refused:

@@ -107,7 +107,8 @@ def test_undecidable_day_month_order_is_noted(tmp_path, campaign):
     )
     np.testing.assert_array_equal(times(found), np.arange(80))
     assert (
-        "day before month, as is common: nothing tells, and both orders give the same seconds" in found.said
+        "day before month, the common order: the rows do not decide, and both orders give the same seconds"
+        in found.said
     )
 
 

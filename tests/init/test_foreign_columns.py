@@ -168,4 +168,4 @@ def test_deviations_without_nominal_columns_are_left_out(tmp_path, campaign):
     columns = campaign.joint_columns() | named(["x", "y", "z"], campaign.points)
     file = write(tmp_path / "m.csv", columns | named(["dX", "dY", "dZ"], campaign.points**2))
     found = read(campaign, tmp_path, file)
-    assert "dX: not taken, as it is a deviation from what was planned by its name" in found.said
+    assert "dX: not taken, as it is by its name a deviation from the nominal value" in found.said

@@ -126,7 +126,7 @@ def test_thousands_separators_are_removed(folder, tmp_path, rows):
         lines.append([*(row[name] for name in JOINTS), *points])
     assert '"' in lines[1][-1]
     words, _ = init(folder, tmp_path, lines)
-    assert "marks between thousands are taken out" in words
+    assert "thousands separators are removed" in words
     data = load_data(tmp_path / "arm" / "dataset.yaml", load_robot(tmp_path / "arm" / "robot.yaml"))
     np.testing.assert_allclose(data.columns["x"], [float(row["x"]) + 5.0 for row in rows], atol=1e-6)
 

@@ -49,7 +49,7 @@ def test_springs_fit_of_series_a_predicts_later_poses_to_105_um(cut):
     assert held_out_rms_mm(cut["A"], SPRINGS) <= 0.105
 
 
-def test_joint_whose_axis_passes_the_reflector_does_not_scatter_by_degrees():
+def test_scatter_of_a_joint_with_the_reflector_on_its_axis_is_realistic():
     # Axis 6 runs 0.3 mm beside the reflector: its scatter was given as 0.18 rad.
     arm = robot()
     data = armtrue.load_data(EXAMPLE / "series_c.yaml", arm)
@@ -74,8 +74,9 @@ def said(diagnosis: armtrue.Diagnosis) -> tuple[str, float, list[tuple[str, list
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_diagnosis_of_the_saved_fit_equals_refines_last_step(cut, tmp_path, seed):
-    # Effects that a search had added counted as the owner's once read from a file, and smoothness and weights had ended
-    # elsewhere during refine: in 7 of 16 the file lacked an effect where refine had said that nothing is missing.
+    # Read from a file, effects that a search had added were taken as effects of the user's model, and smoothness and
+    # weights differed from those at the end of refine: in 7 of 16 cases, the diagnosis of the file named a missing
+    # effect although refine had reported that nothing is missing.
     arm, data = robot(), cut["C"].train
     few = data.take(np.random.default_rng(seed).permutation(data.count)[:100])
     final, story = armtrue.refine(armtrue.fit(few, arm, model_of(GEOMETRY, arm)))

@@ -122,7 +122,7 @@ def test_advice_names_wavelengths_that_a_grid_confounds(tmp_path: Path) -> None:
     advice = refined(tmp_path)["steps"][0]["advice"]
     assert any(
         line.startswith(
-            "q3 stands on a grid of 8 mm, on which waves of 12 mm and waves of 6 mm look the same"
+            "all values of q3 are on a grid of 8 mm, on which waves of 12 mm and waves of 6 mm look the same"
         )
         for line in advice
     ), advice

@@ -60,8 +60,8 @@ def test_stated_tool_height_is_kept(tmp_path: Path) -> None:
 
 
 def test_effect_equal_to_a_fitted_one_is_not_missing(tmp_path: Path) -> None:
-    # A base that grows, and a vertical slide whose zero drifts, move the tool alike: with the base's growth in the
-    # model the slide's drift was still asked for, and was added although nothing was left for it to explain.
+    # A base that grows and a vertical slide whose zero drifts move the tool alike. With the base's growth in the model,
+    # the slide's drift was still recommended and added, although no error was left for it to explain.
     simulate(
         {
             "arm": "scara",

@@ -43,7 +43,7 @@ TEST_F(JumpTest, InMotionOrWithoutScale_NoJumpIsReported) {
   EXPECT_FALSE(hear(0, 2'000, true, 0));
 }
 
-// In profile position mode an axis moves at rest of the targets, and as fast as it can.
+// In profile position mode an axis moves while its target is constant, at its own speed.
 TEST_F(JumpTest, EnabledInAnotherMode_NoJumpIsReported) {
   struct Case {
     std::optional<std::uint16_t> statusword;

@@ -32,8 +32,8 @@ TEST_P(OffsetDrivesTest, StartInMotion_SendsNoOffsetsUntilTheArmRests) {
   EXPECT_EQ(status() & kUnknownBit, 0U);
 }
 
-// Drives report their position every 500 ms. The last report before the stand is from the motion.
-TEST_P(OffsetDrivesTest, PositionHeardInMotion_DoesNotCountAfterTheStand) {
+// Drives report their position every 500 ms. The last report before standstill was sent in motion.
+TEST_P(OffsetDrivesTest, PositionReceivedInMotion_IsNotUsedAfterStopping) {
   settle();
   restart();
   Joints there = kStand;
@@ -63,8 +63,8 @@ TEST_P(OffsetDrivesTest, PositionHeardInMotion_DoesNotCountAfterTheStand) {
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-// Neither targets of a time when none were evaluated nor positions heard then tell of a stand.
-TEST_P(OffsetDrivesTest, StandBeforePreOperational_DoesNotCount) {
+// Targets and positions received while no set was evaluated do not show that the arm stands still.
+TEST_P(OffsetDrivesTest, StandstillBeforePreOperational_DoesNotCount) {
   settle();
   restart();
   rest(kStand, 90);

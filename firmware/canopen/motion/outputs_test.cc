@@ -219,7 +219,7 @@ TEST_P(InlineOutputsTest, RefusedLastStepToZero_IsMadeWithTheNextSet) {
 }
 
 // The controller accepts frames but can send none for longer than BusWatch::kCommandLifeUs.
-TEST_P(OutputsTest, BusTakesNoFrames_GoesOnFromWhatTheDrivesHold) {
+TEST_P(OutputsTest, BusTakesNoFrames_ContinuesFromTheValuesInTheDrives) {
   ASSERT_EQ(bench.write(0x2000, 2, 0, 1), 0U);
   target = stand = kStand;
   rest(kStand, 100);
@@ -247,8 +247,8 @@ TEST_P(OutputsTest, BusTakesNoFrames_GoesOnFromWhatTheDrivesHold) {
   EXPECT_GT(farthest(stand, kStand), 30'000);
 }
 
-// In short cycles more sets would wait than the compensator remembers corrections of.
-TEST_P(OutputsTest, BusTakesNoFramesInShortCycles_GoesOnFromWhatTheDrivesHold) {
+// In short cycles more sets would be queued than the compensator stores corrections for.
+TEST_P(OutputsTest, BusTakesNoFramesInShortCycles_ContinuesFromTheValuesInTheDrives) {
   for (const std::uint32_t cycle_us : {500U, 250U, 100U}) {
     SCOPED_TRACE(cycle_us);
     bench.cycle_us = cycle_us;

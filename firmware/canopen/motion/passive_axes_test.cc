@@ -174,7 +174,7 @@ TEST_F(PassiveAxisTest, RevertToOtherPassiveJoints_WhileCorrecting_IsRefused) {
   EXPECT_EQ(bench.read(0x2013, 16), 1U);
 }
 
-TEST_F(PassiveAxisTest, EnablingOtherPassiveJoints_WhileADriveSpeaks_IsRefused) {
+TEST_F(PassiveAxisTest, EnablingOtherPassiveJoints_WhileADriveSends_IsRefused) {
   bench.install(without_the_last.image());
   configure(Mode::kInline);
   run(100);
@@ -192,7 +192,7 @@ TEST_F(PassiveAxisTest, EnablingOtherPassiveJoints_WhileADriveSpeaks_IsRefused) 
 }
 
 // After a restart the drives may hold a correction that the node does not know yet.
-TEST_F(PassiveAxisTest, ActivateOfOtherPassiveJoints_WhileADriveSpeaks_IsRefused) {
+TEST_F(PassiveAxisTest, ActivateOfOtherPassiveJoints_WhileADriveSends_IsRefused) {
   bench.install(without_the_last.image());
   configure(Mode::kInline);
   with_drives.sequence = 3;
@@ -263,7 +263,7 @@ TEST_F(PassiveAxisTest, Start_DoesNotCorrectAMappedPassiveAxis) {
   }
 }
 
-// Neither what a passive axis is sent nor what it reports tells anything about a drive.
+// Frames to and from a passive axis say nothing about the state of a drive.
 TEST_F(PassiveAxisTest, MappedPassiveAxis_DoesNotKeepOffsetsFromBeginning) {
   bench.install(without_the_last.image());
   bench.configure(Mode::kOffset);

@@ -126,7 +126,7 @@ TEST_F(BusTest, PassiveBusEmergency_HasNoFurtherInformation) {
   EXPECT_EQ(load_le<std::uint32_t>(&emcy[0].data[3]), 0U);
 }
 
-TEST_F(BusTest, AnOverrun_IsOverAfterASecondWithoutAnother) {
+TEST_F(BusTest, OverrunError_EndsAfterASecondWithoutOverruns) {
   bench.upstream.lose_frames(3);
   bench.run_for(500'000);
   EXPECT_EQ(bench.read(0x1003, 1), 0x00038110U) << "how many were lost";

@@ -121,7 +121,7 @@ TEST(EraseAtStart, SpareSlotTorn_IsNotErased) {
   EXPECT_EQ(bench.flash.erases(), erases);
 }
 
-TEST(TableThatRots, IsReportedAtTheStart) {
+TEST(TableDamagedInFlash, IsReportedAtTheStart) {
   NodeBench bench;
   bench.install(TestTable{}.image());
   const std::size_t slot = *bench.store().status().active;

@@ -60,7 +60,7 @@ TEST_F(LifeTest, DamagedParameters_AreReportedAfterAResetOfCommunication) {
   EXPECT_NE(error_register(), 0U);
 }
 
-TEST_F(LifeTest, ATransferGoesOn_WhenTheNodeIsStarted) {
+TEST_F(LifeTest, ATransferContinues_WhenTheNodeIsStarted) {
   bench.ask({0x21, 0x10, 0x20, 0, 9, 0, 0, 0});
   nmt(1);
   EXPECT_EQ(bench.ask({0x00, 1, 2, 3, 4, 5, 6, 7})[0], 0x20);
@@ -68,7 +68,7 @@ TEST_F(LifeTest, ATransferGoesOn_WhenTheNodeIsStarted) {
   EXPECT_EQ(bench.read(0x2013, 3), 9U);
 }
 
-TEST_F(LifeTest, ATransferIsOver_WhenTheNodeIsStopped) {
+TEST_F(LifeTest, ATransferEnds_WhenTheNodeIsStopped) {
   bench.ask({0x21, 0x10, 0x20, 0, 9, 0, 0, 0});
   nmt(2);
   nmt(128);
@@ -166,7 +166,7 @@ TEST_F(LifeTest, ExtendedFrame_IsNotTakenAsHeartbeat) {
   EXPECT_EQ(bench.read(0x1003, 1), 0x00058130U);
 }
 
-TEST_F(LifeTest, HeartbeatsFromTheDrivesSide_AreHeard) {
+TEST_F(LifeTest, HeartbeatsFromTheDrivesSide_AreReceived) {
   ASSERT_EQ(bench.write(0x1016, 1, 0x00050064, 4), 0U);
   for (int k = 0; k < 15; ++k) {
     bench.from_drives(make_frame(0x705, {5}));

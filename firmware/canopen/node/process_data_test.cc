@@ -120,7 +120,7 @@ TEST_F(InputTest, CobIdOfAValidPdo_CannotBeUsedAgain) {
   EXPECT_EQ(bench.write(0x1401, 1, 0x220, 4), 0U) << "free again";
 }
 
-TEST_F(InputTest, CobIdOfSync_IsNoPdos) {
+TEST_F(InputTest, CobIdOfSync_IsRefusedForAPdo) {
   const auto refused = static_cast<std::uint32_t>(Abort::kIncompatibleParameter);
   EXPECT_EQ(bench.write(0x1400, 1, 0x80, 4), refused);
   EXPECT_EQ(bench.write(0x1800, 1, 0x40000080, 4), refused);

@@ -105,7 +105,7 @@ class StopTest : public testing::Test {
   std::array<Drive, 6> drives = {};
 };
 
-TEST_F(StopTest, QuickStopBehindTheFramesOfItsCycle_PassesAtOnceWithoutAnError) {
+TEST_F(StopTest, QuickStopAfterTheFramesOfItsCycle_PassesAtOnceWithoutAnError) {
   run(50);
   const Joints before = held();
   for (std::size_t axis = 0; axis < 6; ++axis) {
@@ -119,7 +119,7 @@ TEST_F(StopTest, QuickStopBehindTheFramesOfItsCycle_PassesAtOnceWithoutAnError) 
   EXPECT_EQ(bench.read(0x1001, 0), 0U);
 }
 
-TEST_F(StopTest, QuickStopBehindTheFramesOfItsCycleWithoutSync_PassesAtOnce) {
+TEST_F(StopTest, QuickStopAfterTheFramesOfItsCycleWithoutSync_PassesAtOnce) {
   has_sync = false;
   run(50);
   const Joints before = held();
@@ -141,7 +141,7 @@ TEST_F(StopTest, QuickStopWithOtherTargets_PassesAndReportsTheContradiction) {
   EXPECT_EQ(bench.read(0x1003, 1) & 0xFFFFU, 0xFF14U);
 }
 
-TEST_F(StopTest, QuickStopWhileADriveIsGone_PassesInEveryCycle) {
+TEST_F(StopTest, QuickStopWhileADriveIsMissing_PassesInEveryCycle) {
   for (const bool sync : {true, false}) {
     has_sync = sync;
     run(50);
@@ -175,7 +175,7 @@ TEST_F(StopTest, DrivesEnabledOneByOne_PassAllButTheEnablingFrame) {
   expect_all(kOperation);
 }
 
-TEST_F(StopTest, HaltOfOneDrive_KeepsTheTargetThatItHas) {
+TEST_F(StopTest, HaltOfOneDrive_KeepsItsLastTarget) {
   run(50);
   pass_time();
   const Joints before = held();
@@ -277,7 +277,7 @@ TEST_F(StopTest, ShortFrame_IsDropped) {
   EXPECT_EQ(drives[0].frames, 0) << "its drive would not take it either";
 }
 
-TEST_F(StopTest, ControlwordInARpdoOfItsOwn_PassesAsBeforeAndIsKnown) {
+TEST_F(StopTest, ControlwordInASeparateRpdo_IsForwardedAndStored) {
   EXPECT_EQ(bench.write(0x1606, 0, 0, 1), 0U);
   EXPECT_EQ(bench.write(0x1606, 1, 0x60400010, 4), 0U);
   EXPECT_EQ(bench.write(0x1606, 0, 1, 1), 0U);

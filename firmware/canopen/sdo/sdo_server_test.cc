@@ -234,7 +234,7 @@ TEST_F(SdoTest, BlockSize_IsLimitedToThePortsLongestBurst) {
   EXPECT_EQ(bench.read(0x2013, 3), data.size());
 }
 
-TEST_F(SdoTest, ALostBlockSegmentIsAskedForAgain) {
+TEST_F(SdoTest, LostBlockSegment_IsRequestedAgain) {
   const std::vector<std::uint8_t> data = pattern(70);
   bench.ask({0xC6, 0x10, 0x20, 0, 70, 0, 0, 0});
   send_segments(data, 0, 10, true, 4);
@@ -423,7 +423,7 @@ class DumpInMotion : public testing::Test {
   int cycles = 0;
   int block = 0;
   int segments = 0;       // of the last cycle
-  std::size_t ahead = 0;  // frames that joint frames had to wait for, at most
+  std::size_t ahead = 0;  // largest number of frames ahead of a joint frame
   std::vector<std::uint8_t> data_back;
   bool is_done = false;
 };

@@ -1,4 +1,4 @@
-// What waits in the process when the kernel takes no more frames. The bus is a socket pair.
+// Frames that wait in the process while the kernel's queue is full. The bus is a socket pair.
 #include "firmware/ports/posix/socketcan_port.h"
 
 #include <gtest/gtest.h>
@@ -36,7 +36,7 @@ class SocketCanPortTest : public testing::Test {
       ASSERT_TRUE(port_.send_command(counting_frame(0x220, 0), {0x01, k}));
     }
   }
-  // Identifiers of what the peer reads until no more comes; the port's loop runs.
+  // Identifiers of all frames that the peer reads while the port's loop runs.
   std::vector<std::uint32_t> take_all() {
     std::vector<std::uint32_t> result;
     can_frame frame = {};
@@ -52,7 +52,7 @@ class SocketCanPortTest : public testing::Test {
   SocketCanPort port_;
 };
 
-TEST_F(SocketCanPortTest, KernelTakesNoMore_OtherFramesLeaveLater) {
+TEST_F(SocketCanPortTest, FullKernelQueue_OtherFramesAreSentLater) {
   fill_kernel();
   const std::uint32_t in_kernel = port_.commands().gone;
   ASSERT_TRUE(port_.send(counting_frame(0x5A0, 0)));

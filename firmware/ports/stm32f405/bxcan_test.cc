@@ -310,7 +310,7 @@ class StaleCommandsTest : public testing::Test {
     take_all();
   }
 
-  // The bus takes all that waits; steps_ is the largest step of joint 1's target on the way.
+  // The bus sends all queued frames; steps_ is the largest step of joint 1's target among them.
   void take_all() {
     registers_.sent.clear();
     while (registers_.transmit_one()) port_.on_transmit_interrupt();
@@ -384,7 +384,7 @@ TEST_F(StaleCommandsTest, BusThatIsBusyForLessThanTheLimit_LosesNothing) {
   EXPECT_EQ(bench_.counters().output_refused, 0U);
 }
 
-TEST_F(StaleCommandsTest, ServicesForTheDrives_LeaveHoweverOld) {
+TEST_F(StaleCommandsTest, ServiceFrames_AreSentAtAnyAge) {
   lose_acknowledgement();
   constexpr std::uint32_t kServices[] = {0x000, 0x081, 0x0FF, 0x581, 0x601, 0x67F, 0x701, 0x7E5};
   constexpr std::uint32_t kCommands[] = {0x080, 0x100, 0x180, 0x201, 0x57F, 0x680, 0x6FF};

@@ -107,7 +107,8 @@ std::vector<double> enumerated(const Example& e) {
   return result;
 }
 
-// Two blocks together do what a third does alone, but for a small part that decides between them.
+// Two blocks together explain the same as a third alone, except for a small part that decides
+// between them.
 Example two_or_one(double towards_one) {
   Example e = example(11, {0.0, 0.0, 0.0});
   std::mt19937_64 generator(12);
@@ -131,10 +132,11 @@ TEST(SearchBlocks, TwoBlocksOrOne_InclusionMatchesEnumeration) {
   EXPECT_GT(undecided, 0);
 }
 
-TEST(SearchBlocks, BlockInASet_IsNotWeighedAtItsSizeWhenAlone) {
+TEST(SearchBlocks, SizeOfABlock_IsChosenJointlyWithItsSet) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
-    // The first alone explains nearly what the first two do, but 25 times as large as beside the
-    // second. The third, a table that is visited seldom, needs no other.
+    // The first block alone explains nearly as much as the first two, but with coefficients 25
+    // times those that it has with the second. The third, a table that the sampler rarely visits,
+    // explains all alone.
     Example e = example(seed, {0.0, 0.0, 0.0}, 4000);
     auto first = e.columns.leftCols(2), second = e.columns.middleCols(2, 2);
     auto third = e.columns.rightCols(2);
@@ -231,7 +233,7 @@ TEST(SearchBlocks, WrongSign_ExcludesTheBlock) {
   EXPECT_GT(search_blocks(e.problem, {}).inclusion[0], 0.95);
 }
 
-TEST(SearchBlocks, CarrierActingAlongItsLoad_LosesTenOfLogBayes) {
+TEST(SearchBlocks, BalancerTorqueAlongItsLoad_LowersLogBayesByTen) {
   Example with = example(5, {0.3, 0.0}), along = with;
   const Eigen::MatrixXd square = Eigen::MatrixXd::Identity(2, 2);
   const Eigen::Vector2d truth(1.0, -1.0);

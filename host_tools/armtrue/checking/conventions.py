@@ -213,9 +213,9 @@ class _Search:
 def _findings(best: _Judged, as_well: list[str], start_m: float) -> list[Finding]:
     assert best.hypothesis is not None
     parts = best.hypothesis.each()
-    before = f"{start_m * 1000:.1f} mm RMS stay" if np.isfinite(start_m) else "nothing fits"
-    so = "so" if len(parts) == 1 else "with all that is found here"
-    figures = f"with nominal kinematics {before} as the files stand, {best.rms_m * 1000:.2f} mm {so}"
+    before = f"{start_m * 1000:.1f} mm RMS remain" if np.isfinite(start_m) else "no base and tool fit"
+    so = "with this correction" if len(parts) == 1 else "with all corrections found here"
+    figures = f"with nominal kinematics and the files as they are {before}, {best.rms_m * 1000:.2f} mm {so}"
     evidence = {
         "rms_m": start_m if np.isfinite(start_m) else None,
         "rms_m_if_changed": best.rms_m,
@@ -248,8 +248,8 @@ def _far_from_nominal(geometry: Geometry, robot: Robot) -> Finding:
     return Finding(
         "far_from_nominal",
         "warning",
-        f"the arm is far from its nominal geometry: {nominal * 1000:.1f} mm RMS stay with it, "
-        f"{nominal / robot.reach_m:.1%} of the reach of {robot.reach_m:.2f} m, and {fitted * 1000:.2f} mm once zeros "
+        f"the arm is far from its nominal geometry: {nominal * 1000:.1f} mm RMS remain with it, "
+        f"{nominal / robot.reach_m:.1%} of the reach of {robot.reach_m:.2f} m, and {fitted * 1000:.2f} mm after zeros "
         f"and links are fitted (turned by up to {math.degrees(geometry.largest_turn):.1f}°, shifted by up to "
         f"{geometry.largest_shift_m * 1000:.1f} mm)",
         {
@@ -258,24 +258,23 @@ def _far_from_nominal(geometry: Geometry, robot: Robot) -> Finding:
             "largest_turn_rad": geometry.largest_turn,
             "largest_shift_m": geometry.largest_shift_m,
         },
-        f"Nothing to do where the arm is known to be so; else compare {robot.kinematics_file} with its data sheet. "
-        "A fit with joint_offset and link_geometry finds what differs.",
+        f"Nothing to do if the arm is known to differ that much; else compare {robot.kinematics_file} with its data "
+        "sheet. A fit with joint_offset and link_geometry finds the differences.",
     )
 
 
 def _no_convention(rms: float, best: _Judged, robot: Robot) -> Finding:
-    stay = f"{rms * 1000:.0f} mm RMS stay" if math.isfinite(rms) else "nothing brings the two together"
+    stay = f"{rms * 1000:.0f} mm RMS remain" if math.isfinite(rms) else "none makes the two agree"
     nearest, figures = "", {}
     if best.hypothesis is not None and math.isfinite(best.rms_m):
-        nearest = (
-            f" (nearest of what was tried, with {best.rms_m * 1000:.0f} mm RMS: {best.hypothesis.sentence})"
-        )
+        nearest = f" (best of the corrections tried, with {best.rms_m * 1000:.0f} mm RMS: {best.hypothesis.sentence})"
         figures = {"nearest": best.hypothesis.code, "rms_m_of_nearest": best.rms_m}
     return Finding(
         "positions_do_not_follow",
         "error",
-        f"the positions do not follow the joints: whatever base and tool, {stay}, and no sign, zero, coupling, order "
-        f"of columns, scale or pair of these explains it, nor do zeros and links off by what arms have{nearest}",
+        f"the positions do not follow the joints: with the best base and tool {stay}, and no change of a sign, zero, "
+        "coupling, order of columns or scale, and no pair of these, explains it; nor do zeros and links that differ "
+        f"as much as those of real arms{nearest}",
         {"rms_m": rms if math.isfinite(rms) else None, **figures},
         f"Compare {robot.kinematics_file} with the arm's data sheet, and the pairing of joints and positions with the "
         "log.",

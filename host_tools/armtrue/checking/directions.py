@@ -14,7 +14,7 @@ _DISAGREES = 0.9
 _WORDS = {
     "one row late": "moved up by one row",
     "one row early": "moved down by one row",
-    "reversed": "taken with the other sign",
+    "reversed": "taken with the opposite sign",
     "0 for −1": "0 stands for −1",
     "1 for −1, 0 for 1": "1 stands for −1 and 0 for 1",
 }
@@ -65,9 +65,9 @@ def _finding(
     return Finding(
         "directions_off",
         "warning",
-        f"{data.file.name}: {columns}: found agreement with the motion from the row before in {now:.0%} of the "
+        f"{data.file.name}: {columns}: found agreement with the motion from the previous row in {now:.0%} of the "
         f"motions, and in {then:.0%} if {words}",
         {"joints": joints, "way": way, "share": now, "share_if_changed": then},
         f"{mend}, or take the directions from the order of the rows: 'derive: {{dir: from_order}}' in a dataset.yaml. "
-        "Effects of the direction of approach, such as play, are not found with wrong ones.",
+        "With wrong directions, effects such as backlash are not found.",
     )

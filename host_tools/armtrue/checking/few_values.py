@@ -80,10 +80,10 @@ def _finding(data: Dataset, counts: dict[int, int], poses: int) -> Finding:
         "few_joint_values",
         "warning",
         f"{data.file.name}: found only {listed} in {poses} poses, a coarse grid: errors between these values do not "
-        "show, not even in the held-out error, as the held-out poses stand at the same values; and waves of a joint "
-        "whose periods fit the steps of the grid look like slow ones, so a fit may take one for the other",
+        "show, not even in the held-out error, because the held-out poses have the same values; and periodic errors "
+        "of a joint with short periods look like slow ones on this grid (aliasing), so a fit may confuse them",
         {"values": {str(k): count for k, count in counts.items()}, "poses": poses},
         "Add 20 or more poses with these joints at random within their ranges, or those of "
-        "'armtrue plan --robot R --model M --poses 20'. Nothing to do for a joint that will only ever stand at these "
+        "'armtrue plan --robot R --model M --poses 20'. Nothing to do for a joint that is only ever used at these "
         "values.",
     )

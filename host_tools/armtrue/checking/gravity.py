@@ -58,8 +58,8 @@ def _upwards(gravity: Array, measuring_from_base: Array) -> Iterator[Finding]:
     yield Finding(
         "gravity_upwards",
         "warning",
-        f"'gravity' of robot.yaml, {gravity.tolist()}, points up in the measuring frame: springs would yield "
+        f"'gravity' of robot.yaml, {gravity.tolist()}, points up in the measuring frame: springs would deflect "
         "against their loads",
         {"gravity": down},
-        f"If the tracker is level (its z is up), write 'gravity: {down}', the way that things fall.",
+        f"If the tracker is level (its z is up), write 'gravity: {down}', the direction in which things fall.",
     )

@@ -21,8 +21,9 @@ from armtrue.io.rotation import matrix_from_euler, rpy_from_matrix
 
 _JOINTS_FOR_ALL_SIGNS = 7
 KIND_OF_COUPLING = (
-    "Positions cannot tell who couples: turn joint {driving} alone and watch joint {joint}'s motor count; where it "
-    "stands still, the arm's bars do ('kind: mechanical'), where it counts, the controller does ('kind: controller')."
+    "Positions do not show whether the coupling is mechanical: turn joint {driving} alone and watch the encoder of "
+    "joint {joint}'s motor. If it stays constant, bars or gears couple ('kind: mechanical'); if it changes, the "
+    "controller does ('kind: controller')."
 )
 
 
@@ -104,8 +105,8 @@ def _turned(pattern: tuple[int, ...], changes: int, robot: Robot) -> Hypothesis:
         "joint_sign",
         f"joint{'s' if several else ''} {', '.join(map(str, pattern))} turn{'' if several else 's'} "
         f"the other way than in {robot.kinematics_file}",
-        f"Give {', '.join(names)} 'scale: -1' in a dataset.yaml, or turn "
-        f"{'these axes' if several else f'axis {pattern[0]}'} round in {robot.kinematics_file}.",
+        f"Give {', '.join(names)} 'scale: -1' in a dataset.yaml, or reverse "
+        f"{'these axes' if several else f'axis {pattern[0]}'} in {robot.kinematics_file}.",
         lambda reading: reading.with_columns(**{name: -reading.columns[name] for name in names}),
         frozenset(f"sign of {name}" for name in names),
         changes,
@@ -129,8 +130,8 @@ def zero(joint: int, degrees: float, robot: Robot) -> Hypothesis:
     elif robot.urdf is not None:
         # A URDF has no offsets, and robot.yaml states none beside a URDF.
         remedy = (
-            f"Give {name} its offset in a dataset.yaml, '{name}: {{column: {name}, offset: {turn:.6f}}}', added to one "
-            "that stands there."
+            f"Give {name} its offset in a dataset.yaml, '{name}: {{column: {name}, offset: {turn:.6f}}}', added to an "
+            "offset that is there already."
         )
     return Hypothesis(
         "joint_zero",
@@ -179,12 +180,12 @@ def _coupling(joint: int, driving: int, ratio: float, passive: bool) -> Hypothes
         words = f"other joints than {driving}"
         remedy = f"Take the coupling of joint {joint} by {driving} out of robot.yaml."
     elif passive:
-        words = f"{'' if ratio > 0 else '−'}q{driving} beside what else drives it"
+        words = f"{'' if ratio > 0 else '−'}q{driving} in addition to its other driving joints"
         remedy = (
             f"Give robot.yaml's coupling the row {{joint: {joint}, driving: {driving}, ratio: {ratio:+.1f}}}."
         )
     elif ratio == 0.0:
-        words = "its own command alone"
+        words = "its own command only"
         remedy = f"Take the coupling of joint {joint} out of robot.yaml."
     else:
         words = f"q{joint} {'+' if ratio > 0 else '−'} q{driving}"
@@ -246,7 +247,7 @@ def _conventions_of_the_table(robot: Robot) -> Iterator[Hypothesis]:
     elif any(np.count_nonzero(row.get("rpy", [0.0])) > 1 for row in kinematics["joints"]):
         yield Hypothesis(
             "fixed_or_intrinsic_angles",
-            f"the rpy of the joints in {robot.kinematics_file} turn about the axes as they turn (intrinsic x, y, z)",
+            f"the rpy of the joints in {robot.kinematics_file} are about moving axes (intrinsic x, y, z)",
             "Write the rpy of each joint as angles about fixed axes x, y, z.",
             lambda reading: reading.with_spec(kinematics=_read_as_intrinsic(reading.spec["kinematics"])),
             frozenset({"table"}),
@@ -270,8 +271,8 @@ def _orders(robot: Robot) -> Iterator[Hypothesis]:
 
         yield Hypothesis(
             "joints_swapped",
-            f"columns q{one} and q{other} stand in each other's place",
-            f"Swap the columns q{one} and q{other}, or name them rightly in a dataset.yaml.",
+            f"columns q{one} and q{other} are exchanged",
+            f"Swap the columns q{one} and q{other}, or assign them correctly in a dataset.yaml.",
             swap,
             frozenset({"order"}),
             figures={"joints": [one, other]},
@@ -292,14 +293,14 @@ def _orders(robot: Robot) -> Iterator[Hypothesis]:
 
         yield Hypothesis(
             "rows_shifted",
-            f"each position stands in the row {words} the joints it belongs to",
+            f"each position is in the row {words} that of its joints",
             "Pair joints and positions again from the logs, by their times.",
             shift,
             frozenset({"order"}),
         )
     yield Hypothesis(
         "left_handed_frame",
-        "the measuring frame is left-handed (one of its axes is the wrong way round)",
+        "the measuring frame is left-handed (one of its axes is reversed)",
         "Give one of x, y, z 'scale: -1' in a dataset.yaml, or correct the instrument's frame.",
         lambda reading: reading.with_columns(z=-reading.columns["z"]),
         frozenset({"hand"}),

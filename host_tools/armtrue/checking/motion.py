@@ -89,17 +89,17 @@ def _standstill(data: Dataset, robot: Robot) -> Iterator[Finding]:
             yield Finding(
                 "joint_never_moves",
                 "warning",
-                f"joint {k} never moves: its axis and its effects cannot be told from these data",
+                f"joint {k} never moves: its axis and its effects cannot be determined from these data",
                 evidence,
-                f"Measure poses that turn joint {k}; until then a fit holds it at its nominal values. Where it has "
-                "no motor, as where bars keep a flange level, say 'passive: true' of it in robot.yaml and under "
-                "'coupling' what turns it: it is then never corrected.",
+                f"Measure poses that turn joint {k}; until then a fit holds it at its nominal values. If it has "
+                "no motor, as where bars keep a flange level, give it 'passive: true' in robot.yaml and state under "
+                "'coupling' which joints turn it: it is then never corrected.",
             )
         elif joint["type"] == "revolute" and span < _NARROW_RAD:
             yield Finding(
                 "joint_hardly_moves",
                 "note",
-                f"joint {k} moves by {math.degrees(span):.1f}° only: its axis is known poorly outside that range",
+                f"joint {k} moves by {math.degrees(span):.1f}° only: its axis is poorly determined outside that range",
                 evidence,
                 f"Measure poses that turn joint {k} further.",
             )
@@ -122,7 +122,7 @@ def _read_back(data: Dataset, robot: Robot) -> Iterator[Finding]:
         "not_settled",
         "warning",
         f"joints as read back differ from the command, most on joint {worst[1]}: up to "
-        f"{worst[0] * 1e6:.0f} µm RMS at full reach, as when they were read before the arm had settled",
+        f"{worst[0] * 1e6:.0f} µm RMS at full reach, as if they had been read before the arm had settled",
         evidence,
         "Fit the commanded joints, and add the effect command_readback to see which of the two the arm followed.",
     )
@@ -141,9 +141,9 @@ def _repeats(data: Dataset) -> Iterator[Finding]:
         yield Finding(
             "repeated_poses",
             "note",
-            f"{several} measured more than once{scatter}, and no column 'repeat' says so",
+            f"{several} measured more than once{scatter}, and there is no column 'repeat'",
             {"rows": data.rows[again].tolist()},
-            "Add a column 'repeat' with the same id for the same pose: repeats tell the noise floor.",
+            "Add a column 'repeat' with the same id for the same pose: the noise floor is estimated from repeats.",
         )
     if data.has_positions:
         # Rounding can give readings of one pose the same position: then only rows equal in every column are copies.
@@ -163,10 +163,10 @@ def _repeats(data: Dataset) -> Iterator[Finding]:
             yield Finding(
                 "duplicate_rows",
                 "warning",
-                f"{same} stand more than once: {name_rows(data, copies)}",
+                f"{same} occur more than once: {name_rows(data, copies)}",
                 {"rows": data.rows[copies].tolist()},
-                "Take the copies out. A fit leaves out those that are equal in every column; others count as "
-                "independent measurements and make it look surer than it is.",
+                "Remove the copies. A fit leaves out those that are equal in every column; others count as "
+                "independent measurements and make its standard deviations too small.",
             )
 
 
@@ -202,9 +202,9 @@ def _lost_positions(data: Dataset) -> Iterator[Finding]:
     lost, never = data.lost, [name for name in "xyz" if not data.columns[name].any()]
     if lost.any():
         which = "all rows" if lost.all() else name_rows(data, lost)
-        message = f"x, y and z are 0, as an instrument writes that has lost its reflector: {which}"
+        message = f"x, y and z are 0, as an instrument writes when it has lost its reflector: {which}"
         evidence = {"rows": data.rows[lost].tolist()}
-        remedy = "Measure them." if lost.all() else "Take these rows out (--skip-bad leaves them out)."
+        remedy = "Measure them." if lost.all() else "Remove these rows (--skip-bad leaves them out)."
     elif never:
         are = "is" if len(never) == 1 else "are"
         message = f"{' and '.join(never)} {are} 0 in all rows: nothing was measured there"
@@ -228,7 +228,7 @@ def _stale_positions(data: Dataset) -> Iterator[Finding]:
             "error",
             f"the position is that of the row before to the nanometre although the arm moved: {name_rows(data, stale)}",
             {"rows": data.rows[stale].tolist()},
-            "Take these rows out: the instrument had not measured again.",
+            "Remove these rows: the instrument repeated its last reading.",
         )
 
 
@@ -247,10 +247,10 @@ def _order_of_time(data: Dataset) -> Iterator[Finding]:
         yield Finding(
             "time_begins_again",
             "warning",
-            f"time begins again at {name_rows(data, back)}, as the clock of each session does",
+            f"time restarts at {name_rows(data, back)}, as if each session had its own clock",
             evidence,
-            "Add to the times of each session when it began: sessions at once are one session, and the way of the "
-            "joints and what drifts are told by the order of time.",
+            "Add to the times of each session the time at which it began. Otherwise the sessions overlap, and drift "
+            "and the travel of the joints, which follow from the order in time, come out wrong.",
         )
         return
     yield Finding(

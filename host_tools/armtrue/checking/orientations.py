@@ -24,20 +24,18 @@ _LARGEST_ANGLE = math.radians(5.0)
 _ROWS = 60
 # A set-up with fewer rows keeps the base of the first one.
 _FEWEST_OF_SET_UP = 4
-_REMEDY = (
-    "Mend the rotation's order, sequence, axes or unit in dataset.yaml; until then fit without orientations."
-)
+_REMEDY = "Correct the rotation's order, sequence, axes or unit in dataset.yaml; until then fit without orientations."
 # Other meanings of the columns as read: places of w, x, y, z among them, whether inverted, and a description.
 _MEANT = (
     (
         (1, 2, 3, 0),
         False,
-        "the quaternion's numbers stand in the order w, x, y, z and were read as x, y, z, w",
+        "the quaternion's components are in the order w, x, y, z and were read as x, y, z, w",
     ),
     (
         (3, 0, 1, 2),
         False,
-        "the quaternion's numbers stand in the order x, y, z, w and were read as w, x, y, z",
+        "the quaternion's components are in the order x, y, z, w and were read as w, x, y, z",
     ),
     (
         (0, 1, 2, 3),
@@ -80,7 +78,7 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> list[Finding]:
         left, keys = _best_convention(nominal[whole], data.turns[whole], target[whole], data.rotation)
         if left <= _LARGEST_ANGLE:
             evidence["typical_angle_rad_if_changed"] = left
-            words += f", and {math.degrees(left):.2g}° where they are read otherwise"
+            words += f", and {math.degrees(left):.2g}° with the best of the other conventions"
             form = ", ".join(
                 f"{key}: {'[' + ', '.join(value) + ']' if isinstance(value, list) else value}"
                 for key, value in keys.items()

@@ -261,16 +261,16 @@ def _shift(data: Dataset, placed: _Placed, lag: int, inside: Mask, where: str) -
     figures = _figures(placed.own[inside], placed.shifted[lag][inside])
     by = plural(abs(lag), "row")
     if lag > 0:
-        cause = "as where the tracker lost a reading and the next ones moved up"
+        cause = "as if the tracker had lost a reading and the next ones had moved up"
         remedy = (
             f"Move x, y, z (and target, where the tracker names it) of these rows down by {by} and leave out the rows "
             "that then have no position, or pair joints and positions again from the logs, by their times."
         )
     else:
-        cause = "as where the tracker measured once too often or a row of joints was lost"
+        cause = "as if the tracker had measured once too often or a row of joints had been lost"
         remedy = (
-            f"Move x, y, z (and target, where the tracker names it) of these rows up by {by}, over the readings that "
-            "are too many, or pair joints and positions again from the logs, by their times."
+            f"Move x, y, z (and target, where the tracker names it) of these rows up by {by}, over the "
+            "surplus readings, or pair joints and positions again from the logs, by their times."
         )
     return Finding(
         "rows_shifted",
@@ -326,7 +326,7 @@ def _exchange(data: Dataset, one: str, other: str, inside: Mask, where: str, dis
         remedy = f"Exchange '{one}' and '{other}' in the column target of these rows, or leave the rows out."
     else:
         fits = other if said == [one] else one
-        words = f"{where} the positions said to be of the reflector '{said[0]}' are of '{fits}'"
+        words = f"{where} the positions that the file assigns to reflector '{said[0]}' are those of '{fits}'"
         remedy = f"Write '{fits}' into the column target of these rows, or leave the rows out."
     return Finding(
         "reflectors_exchanged",
@@ -348,6 +348,6 @@ def _severity(data: Dataset, inside: Mask) -> Severity:
 
 def _figures(before: Array, after: Array) -> str:
     return (
-        f"these rows lie {np.median(before) * 1000:.0f} mm from where the arm was as the file stands, and "
-        f"{np.median(after) * 1000:.1f} mm so (medians)"
+        f"the positions in these rows are {np.median(before) * 1000:.0f} mm from the arm's with the file as it is, and "
+        f"{np.median(after) * 1000:.1f} mm with this correction (medians)"
     )

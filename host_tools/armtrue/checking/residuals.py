@@ -39,10 +39,10 @@ def find_gross(data: Dataset, alignment: Alignment) -> Iterator[Finding]:
         yield Finding(
             "gross_errors",
             "warning",
-            f"{name_rows(data, gross)}: up to {float(residual[gross].max()) * 1000:.1f} mm off, where half of all rows "
+            f"{name_rows(data, gross)}: up to {float(residual[gross].max()) * 1000:.1f} mm off, while half of all rows "
             f"are within {centre * 1000:.2f} mm",
             {"rows": data.rows[gross].tolist(), "residual_m": residual[gross].tolist()},
-            "Look whether the reflector was bumped or another one was sighted; a fit keeps such rows out.",
+            "Check whether the reflector was bumped or another one was measured; a fit leaves such rows out.",
         )
 
 
@@ -65,7 +65,7 @@ def find_stated_poses(data: Dataset, alignment: Alignment, robot: Robot) -> Iter
             "stated": {"base": base, "tool": tool},
             "found": {"base": alignment.measuring_from_base, "tool": found_tool},
         },
-        "Nothing to do for a fit, which finds both from the data; correct robot.yaml to be rid of this note.",
+        "Nothing to do for a fit, which finds both from the data; correct robot.yaml to avoid this note.",
     )
 
 

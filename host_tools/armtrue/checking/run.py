@@ -105,8 +105,8 @@ def refuse_what_cannot_be_an_arm(data: Dataset, robot: Robot) -> list[str]:
     for finding in findings:
         if finding.severity == "error":
             raise InputError(
-                f"{data.path}: {finding.message}; to mend it: {finding.remedy.rstrip('.')} "
-                "('armtrue check' says more, --force fits all the same)"
+                f"{data.path}: {finding.message}; to correct it: {finding.remedy.rstrip('.')} "
+                "('armtrue check' says more, --force fits anyway)"
             )
     return _with_remedies(finding for finding in findings if finding.severity == "warning")
 
@@ -134,7 +134,7 @@ def _against_kinematics(data: Dataset, robot: Robot) -> list[Finding]:
     riding = _riding(data)
     too_few = too_few_poses(riding.joints)
     if too_few is not None:
-        remedy = "Measure more poses, further apart; a calibration wants some 60 and more."
+        remedy = "Measure more poses, further apart; a calibration needs about 60 or more."
         return [Finding("too_few_poses", "error", too_few, {"rows": riding.count}, remedy)]
     measured = units.in_si_units(alignment_columns(riding), robot)
     misplaced, rows = pairing.find(riding, measured, robot)

@@ -29,10 +29,8 @@ _OF_THESE_POSES = "by these poses"
 _DIRECTION = re.compile(r"dir([0-9]+)")
 # Columns that are no cause of errors: joints (their standstill is another finding), measured values and groupings.
 _NO_CAUSE = re.compile(r"qr?[0-9]+|q[wxyz]|[xyz]|travel[0-9]+|sigma|repeat|target|station|nest")
-_FROM_BOTH_SIDES = "Go to some poses from the other side ('armtrue plan' with --levels dir=-1,1)."
-_OTHER_VALUES = (
-    "Measure some poses at another value, should the arm give reason to suspect what depends on it."
-)
+_FROM_BOTH_SIDES = "Approach some poses from the other side ('armtrue plan' with --levels dir=-1,1)."
+_OTHER_VALUES = "Measure some poses at another value if you suspect an effect that depends on it."
 
 
 def find(data: Dataset, robot: Robot) -> list[Finding]:
@@ -51,10 +49,10 @@ def _never_change(data: Dataset) -> Iterator[Finding]:
         if joint and (int(joint[1]) in other_signs or not np.ptp(data.columns[f"q{joint[1]}"])):
             continue
         confused = (
-            f"joint {joint[1]} came from one side to all poses, and lost motion of joint {joint[1]} (backlash, "
-            "hysteresis) looks like a shift of its zero"
+            f"joint {joint[1]} approached all poses from one side, so that its lost motion (backlash, hysteresis) "
+            "cannot be distinguished from a shift of its zero"
             if joint
-            else "what depends on it looks like what is there at all poses, a zero or a length"
+            else "effects that depend on it cannot be distinguished from constant ones such as a joint zero"
         )
         or_none = " or 0" if joint and not values.all() else ""
         yield Finding(
@@ -82,7 +80,7 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
             "note",
             sentence,
             {},
-            "Measure poses that differ more, or live with the sum of the two, which is known.",
+            "Measure poses that differ more, or accept that only the sum of the two is known.",
         )
         for sentence in geometry.document["unobservable"]
         if _OF_THESE_POSES in sentence
@@ -107,8 +105,8 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
 def _way_to_test(needs: list[str]) -> str:
     """What to do about an effect that needs `needs`; empty where the arm or the model is of another kind."""
     if any(" " not in need or "temp_NAME" in need for need in needs):
-        return "Record it, should the arm or the session give reason to suspect the effect."
-    return "State it in robot.yaml, if the arm has it." if "robot.yaml" in " ".join(needs) else ""
+        return "Record it if you suspect this effect."
+    return "State it in robot.yaml if the arm has it." if "robot.yaml" in " ".join(needs) else ""
 
 
 def _coverage(data: Dataset, robot: Robot) -> Iterator[Finding]:
@@ -124,5 +122,5 @@ def _coverage(data: Dataset, robot: Robot) -> Iterator[Finding]:
             "note",
             f"these joints were moved through less than half of their limits: {', '.join(narrow)}",
             {"share_of_limits": shares},
-            "Trust the fit where poses were measured; tables are neutral elsewhere.",
+            "Trust the fit only where poses were measured; tables give no correction elsewhere.",
         )

@@ -70,7 +70,7 @@ def _of_column(data: Dataset, name: str) -> Iterator[Finding]:
         yield Finding(
             "temperature_unit",
             "warning",
-            f"{column}: found {distinct[0]:.1f} °C and more at all poses (this looks like Fahrenheit)",
+            f"{column}: found {distinct[0]:.1f} °C or more at all poses (this looks like Fahrenheit)",
             {"column": name, "least_celsius": float(distinct[0])},
             f"Give it its unit in dataset.yaml, as in '{name}: {{column: {name}, unit: degF}}'.",
         )
@@ -86,11 +86,11 @@ def _of_column(data: Dataset, name: str) -> Iterator[Finding]:
         yield Finding(
             "temperature_off",
             "warning",
-            f"{column}: found {value:.1f} °C in {name_rows(data, rows)}, and nothing else within "
+            f"{column}: found {value:.1f} °C in {name_rows(data, rows)}, and no other reading within "
             f"{_APART_K:.0f} K of it",
             {"column": name, "rows": data.rows[rows].tolist()},
-            "A sensor that is off reads so. Write what the rows around it have, or take these rows out: heat is "
-            "sought by this column.",
+            "A disconnected sensor gives such readings. Write the temperature of the neighbouring rows, or remove "
+            "these rows: thermal effects are fitted to this column.",
         )
     yield from _still(data, name, order[~off[order]])
 
@@ -128,9 +128,9 @@ def _still(data: Dataset, name: str, order: NDArray[np.intp]) -> Iterator[Findin
         "temperature_stands",
         "warning",
         f"{data.file.name} column {name}: found {values[first]:.2f} °C unchanged from {rows} ({stretch.size} of "
-        f"{data.count} rows{took}){_others(data, name, stretch)}: a thermometer that stood still",
+        f"{data.count} rows{took}){_others(data, name, stretch)}: the thermometer stopped updating",
         {"column": name, "rows": data.rows[stretch].tolist(), "celsius": float(values[first])},
-        "Take these rows out, or leave the column out: what the arm's heat did meanwhile is put down to other causes, "
+        "Remove these rows or the column: otherwise thermal errors in these rows are attributed to other causes, "
         "such as warm_up, time_drift or another thermometer's column.",
     )
 

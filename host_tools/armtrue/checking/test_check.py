@@ -130,7 +130,7 @@ def test_coupling_of_wrong_sign_or_superfluous_is_found(campaign):
     assert "q3 − q2" in finding(check(data, wrong), "coupling").message
     data, robot = campaign("kr30")
     wrong = Robot({**robot.spec, "coupling": [{"joint": 3, "driving": 2, "ratio": 1.0}]})
-    assert "its own command alone" in finding(check(data, wrong), "coupling").message
+    assert "its own command only" in finding(check(data, wrong), "coupling").message
 
 
 def test_swapped_joint_columns_are_found(campaign):
@@ -266,7 +266,7 @@ def test_small_arm_with_large_errors_is_warned_not_refused(tmp_path, seed):
     assert found.severity == "warning"
     assert found.evidence["rms_m"] > 0.01 * robot.reach_m
     assert found.evidence["rms_m_if_fitted"] < 1e-4
-    assert "once zeros and links are fitted" in found.message
+    assert "after zeros and links are fitted" in found.message
 
 
 def test_base_that_differs_from_the_robot_file_is_a_note(campaign):
@@ -374,7 +374,7 @@ def test_joints_that_never_or_hardly_move_are_found(campaign):
     report = check(changed(data, q6=kept, q1=0.05 * data.columns["q1"]), robot)
     still = finding(report, "joint_never_moves")
     assert still.evidence["joint"] == 6
-    assert "say 'passive: true' of it in robot.yaml" in still.remedy
+    assert "give it 'passive: true' in robot.yaml" in still.remedy
     assert finding(report, "joint_hardly_moves").evidence["joint"] == 1
 
 
@@ -401,7 +401,7 @@ def test_copied_rows_and_stale_positions_are_found(campaign):
 
 @pytest.mark.parametrize("every", [1, 2, 50])
 def test_zero_positions_are_reported_as_a_lost_reflector(campaign, every):
-    # Zeros once gave "column nan is missing", "positions do not follow", or "the instrument had not measured again".
+    # Zeros once gave "column nan is missing", "positions do not follow", or "the instrument repeated its last reading".
     data, robot = campaign("kr30")
     zeros = {name: np.where(np.arange(data.count) % every == 0, 0.0, data.columns[name]) for name in "xyz"}
     report = check(changed(data, **zeros), robot)

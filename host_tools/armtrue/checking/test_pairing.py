@@ -152,7 +152,7 @@ def test_reflector_name_that_was_not_changed_is_reported(campaign: Campaign) -> 
     target = data.columns["target"].copy()
     target[60:90] = data.labels["target"].index("A")
     (found,) = errors_and_warnings(replace(data, columns={**data.columns, "target": target}), robot)
-    assert "the positions said to be of the reflector 'A' are of 'B'" in found.message
+    assert "the positions that the file assigns to reflector 'A' are those of 'B'" in found.message
     assert len(found.evidence["rows"]) == 15
 
 

@@ -67,7 +67,7 @@ def test_directions_of_opposite_sign_are_named(campaign):
     data, _ = campaign(directions="order")
     found = only(find(with_directions(data, np.negative, range(2, 4))))
     assert "dir2, dir3" in found.message
-    assert "taken with the other sign" in found.message
+    assert "taken with the opposite sign" in found.message
     assert "'dir2: {column: dir2, scale: -1}'" in found.remedy
 
 
@@ -197,7 +197,7 @@ def test_columns_that_never_change_are_named(campaign):
     found = {str(f.evidence["columns"]): f for f in report.findings if f.code == "never_changes"}
     assert {"['dir2']", "['dir4']", "['temp_arm']", "['air']"} <= set(found)
     assert (
-        "lost motion of joint 2 (backlash, hysteresis) looks like a shift of its zero"
+        "lost motion (backlash, hysteresis) cannot be distinguished from a shift of its zero"
         in found["['dir2']"].message
     )
     assert "found -1" in found["['dir4']"].message

@@ -75,8 +75,8 @@ def find_time(data: Dataset, robot: Robot) -> list[Finding]:
             f"{data.file.name} column time: found {each:.3g} s from pose to pose, in which a joint turns by "
             f"{float(np.median(turned[moved])):.2g} rad (this looks like {likely})",
             {"column": "time", "median_s": each, "median_rad_s": speed},
-            f"Give it its unit in dataset.yaml, as in 'time: {{column: time, unit: {unit}}}' under columns: what "
-            "comes with time is put down to other causes otherwise.",
+            f"Give it its unit in dataset.yaml, as in 'time: {{column: time, unit: {unit}}}' under columns: "
+            "otherwise effects of time are attributed to other causes.",
         )
     ]
 
@@ -99,7 +99,7 @@ def find_travel(data: Dataset, robot: Robot) -> list[Finding]:
                 "travel_unit",
                 "warning",
                 f"{data.file.name} column {name}: found {furthest:.3g}, expected no more than the {hi - lo:.3g} "
-                f"between the limits of joint {k}: how far it came in its last direction{likely}",
+                f"between the limits of joint {k}: its travel since its last reversal{likely}",
                 {"joint": k, "found": furthest, "range": hi - lo},
                 f"Give it its unit in dataset.yaml, as in '{name}: {{column: {name}, unit: {unit}}}' under "
                 "columns, or leave the column out.",
@@ -123,10 +123,10 @@ def find_ratios(robot: Robot) -> list[Finding]:
             "gear_ratio",
             "warning",
             f"gear_ratio of joint {', '.join(map(str, fast))} in {robot.kinematics_file}: found {ratio:.4g} on joint "
-            f"{k}, expected the motor's turns for one of the joint (this looks like 1/{1.0 / ratio:.4g})",
+            f"{k}, expected the motor's turns per turn of the joint (this looks like 1/{1.0 / ratio:.4g})",
             {"joints": list(fast)},
-            f"Write {1.0 / ratio:.6g} for joint {k} if a motor turns faster than its joint: waves of gears are sought "
-            "at the ratio.",
+            f"Write {1.0 / ratio:.6g} for joint {k} if the motor turns faster than its joint: errors of gears "
+            "are searched for at multiples of the ratio.",
         )
     ]
 

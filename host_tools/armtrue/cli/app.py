@@ -28,32 +28,38 @@ class _Commands(GuardedGroup):
 
     homes: ClassVar[dict[str, tuple[str, str]]] = {
         "init": ("init", "Read foreign measurement files and write robot.yaml, dataset.yaml and model.yaml."),
-        "check": ("checking", "Look for mistakes in measurements before any physics: units, signs, drift."),
-        "fit": ("fitting", "Fit the model's effects, and say how well it predicts poses it has not seen."),
+        "check": ("checking", "Check measurements for mistakes before a fit: units, signs, drift."),
+        "fit": ("fitting", "Fit the model's effects, and print how well it predicts held-out poses."),
         "add": ("fitting", "Add an effect to a fit, fit again, and print how the error fell."),
         "remove": ("fitting", "Remove an effect from a fit, fit again: the opposite of 'add'."),
         "predict": ("predicting", "Predict where the tool point will be, row by row."),
         "compare": ("predicting", "Compare a fit with measurements it has not seen."),
-        "diagnose": ("diagnosis", "Say which physical effect a fit lacks, on which joint, how sure that is."),
+        "diagnose": (
+            "diagnosis",
+            "Name the physical effect that a fit lacks, its joint and its probability.",
+        ),
         "refine": ("diagnosis", "Diagnose and add until nothing is missing."),
         "report": ("diagnosis", "Write one self-contained HTML page: what is missing, how the error fell."),
         "open": (
             "workbench.open_workbench",
             "Open the workbench, a page in the browser that adds and removes effects.",
         ),
-        "plan": ("planning", "Choose the poses to measure: for a first campaign, or to settle what is open."),
+        "plan": (
+            "planning",
+            "Choose the poses to measure: for a first campaign, or to decide between candidates.",
+        ),
         "export": ("tables", "Write the firmware's table image for a fit."),
         "compensate": (
             "tables",
-            "Correct commands: q1…qn that bring the real tool where it was meant to be.",
+            "Correct commands: q1…qn that bring the real tool to its intended point.",
         ),
         "keygen": ("tables", "Make an Ed25519 key pair to sign tables with."),
-        "upload": ("device", "Bring a table into force on a compensator: transfer, verify, activate."),
+        "upload": ("device", "Install a table on a compensator: transfer, verify, activate."),
         "simulate": ("campaign", "Simulate a campaign with known truth."),
-        "effects": ("catalogue", "List the effects; of one, its formula, course, bound and options."),
-        "explain": ("explain", "Say what a word of reports and messages means."),
-        "tables": ("tables.tables_app", "Look into table images."),
-        "device": ("device.app", "Ask and manage a compensator on a bus."),
+        "effects": ("catalogue", "List the effects, or show the formula, curve, bound and options of one."),
+        "explain": ("explain", "Define a term of reports and messages."),
+        "tables": ("tables.tables_app", "Inspect table images."),
+        "device": ("device.app", "Query and manage a compensator on a bus."),
     }
 
 
@@ -76,7 +82,7 @@ The way through it, from measurements to tables:
 All files are in metres, radians, kilograms, seconds and °C; joints count from 1.
 Measurements in any other form are read through a dataset.yaml.
 
-Exit status: 0 done, 1 done with a verdict against, 2 bad input (one sentence says what), 130 stopped,
+Exit status: 0 done, 1 done with a negative verdict, 2 bad input (one sentence says what), 130 stopped,
 141 the reader of the output closed the pipe.""",
 )
 
@@ -133,4 +139,4 @@ def _sentence(error: click.ClickException) -> str:
     message = " ".join(error.format_message().split()).rstrip(".")
     context = getattr(error, "ctx", None)
     words = context.command_path.removeprefix("python -m ").split()[1:] if context is not None else []
-    return f"{message}; '{' '.join(['armtrue', *words])} --help' says what there is"
+    return f"{message}; '{' '.join(['armtrue', *words])} --help' lists the options"

@@ -23,7 +23,7 @@ def simulate(
 ) -> None:
     """Simulate a campaign with known truth: robot.yaml, model.yaml, data.csv, test.csv and hidden.json.
 
-    Plan with it what a campaign will tell before anybody stands in the cell; the same scenario gives the same files.
+    It shows what a campaign can determine before anything is measured; the same scenario gives the same files.
 
     Example: armtrue simulate kr30-eccentric-gear --out kr30
     """

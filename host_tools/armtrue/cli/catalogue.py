@@ -27,7 +27,7 @@ def effects(
     ] = None,
     json_to: JsonOption = None,
 ) -> None:
-    """List the effects that a model.yaml may name; of one, its formula, course, physical bound and options.
+    """List the effects that a model.yaml may name, or show the formula, curve, physical bound and options of one.
 
     Example: armtrue effects gear_mesh
     """

@@ -24,10 +24,10 @@ def check(
     skip_bad: SkipBadOption = False,
     json_to: JsonOption = None,
 ) -> None:
-    """Look for mistakes in measurements before any physics: units, signs, coupling, read-back, duplicates, drift,
+    """Check measurements for mistakes before a fit: units, signs, coupling, read-back, duplicates, drift,
     a tracker or reflector that was moved half way.
 
-    Says what the data can and cannot tell apart. Exit status 1 where an error was found.
+    States what the data can and cannot determine. Exit status 1 where an error was found.
 
     Example: armtrue check data.csv --robot robot.yaml
     """

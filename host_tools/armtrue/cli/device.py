@@ -51,7 +51,7 @@ from armtrue.units import plural
 
 app = typer.Typer(
     no_args_is_help=True,
-    help="""Ask and manage a compensator on a bus.
+    help="""Query and manage a compensator on a bus.
 
 Exit status: 0 done, 1 the device refused or a test failed, 2 bad input (nothing was sent),
 3 the bus or the device did not answer, or wrongly, 130 interrupted,
@@ -97,12 +97,12 @@ def upload(
     ] = False,
     json_to: JsonOption = None,
 ) -> None:
-    """Bring a table into force on a compensator: compare, transfer, verify, commit, activate on trial.
+    """Install a table on a compensator: compare, transfer, verify, commit, activate on trial.
 
     The image is compared with the device (robot, joints, format, signature, age) before a byte is sent.
-    After any interruption the same command goes on from where it stopped, or begins again cleanly. The
-    device takes tables only while no joint commands arrive. A table on trial is in force until the next
-    reset; 'armtrue device confirm' makes it stay.
+    After any interruption the same command continues where it stopped, or starts again. The
+    device takes tables only while no joint commands arrive. A table on trial is active until the next
+    reset; 'armtrue device confirm' makes it permanent.
 
     Example: armtrue upload tables.bin --interface socketcan --channel can0
 
@@ -136,7 +136,7 @@ def _say_warnings(output: Output, warnings: list[str]) -> None:
 @app.command()
 @on_a_bus
 def info(connection: Connection, json_to: JsonOption = None) -> None:
-    """Print who the device is, what table it has, and its counters.
+    """Print the device's identity, its table and its counters.
 
     Example: armtrue device info --interface socketcan --channel can0
     """
@@ -190,7 +190,7 @@ def dump(
     connection: Connection,
     json_to: JsonOption = None,
 ) -> None:
-    """Read the table in force back into a file.
+    """Read the active table back into a file.
 
     Example: armtrue device dump active.bin --interface socketcan --channel can0
     """
@@ -215,7 +215,7 @@ def _read_back(device: Compensator, quiet: bool) -> bytes:
 @app.command()
 @on_a_bus
 def verify(tables: TablesArgument, connection: Connection, json_to: JsonOption = None) -> None:
-    """Read the table in force back and compare it with a file, byte by byte; exit status 1 if they differ.
+    """Read the active table back and compare it with a file, byte by byte; exit status 1 if they differ.
 
     Example: armtrue device verify tables.bin --interface socketcan --channel can0
     """
@@ -231,7 +231,9 @@ def verify(tables: TablesArgument, connection: Connection, json_to: JsonOption =
                 if at is not None
                 else f"its length, {len(held)} instead of {len(image.data)} bytes"
             )
-            raise DeviceRefusedError(f"the device's table differs from {tables}, first in {where}")
+            raise DeviceRefusedError(
+                f"the device's table differs from {tables}: the first difference is in {where}"
+            )
     output.say(f"the device's table is {tables} ({len(held)} bytes)")
     output.figures({"bytes": len(held), "checksum": image.checksum, "sequence": image.sequence})
 
@@ -243,23 +245,28 @@ def activate(connection: Connection, json_to: JsonOption = None) -> None:
 
     Example: armtrue device activate --interface socketcan --channel can0
     """
-    _order(connection, "actv", "on trial: a reset returns to the table before, unless confirmed", json_to)
+    _order(
+        connection,
+        "actv",
+        "on trial: a reset returns to the previous table unless this one is confirmed",
+        json_to,
+    )
 
 
 @app.command()
 @on_a_bus
 def confirm(connection: Connection, json_to: JsonOption = None) -> None:
-    """End the trial: the table is that of every later start.
+    """End the trial: the table is active after every start.
 
     Example: armtrue device confirm --interface socketcan --channel can0
     """
-    _order(connection, "cfrm", "confirmed: the table of every later start", json_to)
+    _order(connection, "cfrm", "confirmed: this table is active after every start", json_to)
 
 
 @app.command()
 @on_a_bus
 def revert(connection: Connection, json_to: JsonOption = None) -> None:
-    """End the trial and return to the table before; or drop the one that waits in the spare slot.
+    """End the trial and return to the previous table; or drop the one that waits in the spare slot.
 
     Example: armtrue device revert --interface socketcan --channel can0
     """
@@ -279,7 +286,7 @@ def _order(connection: Connection, word: str, done: str, json_to: str | None) ->
 @app.command()
 @on_a_bus
 def save(connection: Connection, json_to: JsonOption = None) -> None:
-    """Save the device's parameters as they are: mode, PDOs, times. Without that a restart forgets them.
+    """Save the device's parameters as they are: mode, PDOs, times. Otherwise they are lost at a restart.
 
     Example: armtrue device save --interface socketcan --channel can0
     """
@@ -287,7 +294,7 @@ def save(connection: Connection, json_to: JsonOption = None) -> None:
     with connection.compensator() as device:
         device.save()
         warnings = device.warnings()
-    output.say("saved: these are the parameters of every later start")
+    output.say("saved: these parameters are used after every start")
     _say_warnings(output, warnings)
     output.figures({"saved": True, "warnings": warnings})
 
@@ -320,12 +327,12 @@ def commission(
     ] = 30.0,
     json_to: JsonOption = None,
 ) -> None:
-    """Find drives in another order, with another sign or scale; moves nothing, watches the controller move.
+    """Find exchanged drives and drives with a wrong sign or scale; moves nothing, observes the controller's motion.
 
     Let the controller move every axis, one after the other, while this runs. Targets are compared with the
     actual positions that follow them. Run it with correction disabled or before the first table.
 
-    Exit status 1 where something is wrong or the motion could not tell.
+    Exit status 1 if something is wrong or the motion is not sufficient to decide.
 
     Example: armtrue device commission --interface socketcan --channel can0
     """
@@ -368,7 +375,7 @@ def _watch_commissioning(
     if not listener.maps_targets:
         raise DeviceRefusedError(
             "valid RPDOs do not map the targets of all joints (0x1400, 0x1600): configure the device first (a joint "
-            "without a motor needs no target once a table in force says so)"
+            "without a motor needs no target once the active table marks it as passive)"
         )
     end = time.monotonic() + duration
     while (left := end - time.monotonic()) > 0.0:
@@ -382,7 +389,7 @@ def _watch_commissioning(
 @on_a_bus
 def monitor(
     connection: Connection,
-    period: Annotated[float, typer.Option("--period", metavar="S", help="Time between pictures.")] = 0.25,
+    period: Annotated[float, typer.Option("--period", metavar="S", help="Time between updates.")] = 0.25,
     duration: Annotated[
         float | None, typer.Option("--duration", metavar="S", help="Stop after this time.")
     ] = None,

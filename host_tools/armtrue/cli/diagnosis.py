@@ -15,7 +15,7 @@ from armtrue.cli.shared.waterfall import Waterfall
 
 
 def diagnose(fit_file: FitArgument, data: MovedDataOption = None, json_to: JsonOption = None) -> None:
-    """Say which physical effect a fit lacks, on which joint, how sure that is, and what else it could be.
+    """Name the physical effect that a fit lacks, its joint, its probability, and alternative explanations.
 
     Example: armtrue diagnose fit.json
     """

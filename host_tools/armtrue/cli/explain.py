@@ -15,7 +15,7 @@ from armtrue.io.catalogue import catalogue
 def explain(
     term: Annotated[list[str] | None, typer.Argument(metavar="TERM", help="A word of a report.")] = None,
 ) -> None:
-    """Say what a word of reports and messages means; without TERM, list the words.
+    """Define a term of reports and messages; without TERM, list all terms.
 
     Example: armtrue explain held out
     """

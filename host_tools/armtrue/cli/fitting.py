@@ -62,15 +62,13 @@ def fit(
         str | None,
         typer.Option("--leave-out", metavar="ROW,ROW…", help="Rows of the file that are known to be wrong."),
     ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Fit even what the checks say cannot be an arm.")
-    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Fit even if the checks report an error.")] = False,
     json_to: JsonOption = None,
 ) -> None:
-    """Fit the model's effects to measurements, and say how well it predicts poses it has not seen.
+    """Fit the model's effects to measurements, and print how well it predicts held-out poses.
 
-    Base and tool are found from the data where robot.yaml does not give them. Gross errors are found and kept out.
-    Refuses measurements that do not follow the arm, such as those of a joint that turns the other way; see --force.
+    Base and tool are found from the data where robot.yaml does not give them. Gross errors are found and left out.
+    Refuses measurements that do not follow the arm, such as those of a reversed joint; see --force.
 
     Example: armtrue fit data.csv --robot robot.yaml --model model.yaml --out fit.json
     """
@@ -144,7 +142,7 @@ def remove(
 ) -> None:
     """Remove an effect from a fit, fit again, and print what that does to the error: the opposite of 'add'.
 
-    Where a model has an effect more than once, --option says which: orders=[13].
+    Where a model has an effect more than once, --option selects one: orders=[13].
 
     Example: armtrue remove fit2.json gear_harmonics --joints 3 --out fit3.json
     """
@@ -205,7 +203,7 @@ def _without(
             left = [k for k in entry["joints"] if k not in joints]
             kept += [{**entry, "joints": left}] if left else []
     if not kept:
-        raise InputError(f"{origin}: {effect} is all that the model has, expected one effect to stay")
+        raise InputError(f"{origin}: {effect} is the only effect of the model, expected one to remain")
     return kept
 
 
@@ -236,7 +234,7 @@ def present_fit(result: Fit, output: Output, all_parameters: bool = False) -> No
     output.say(floor_sentence(document))
     if document.get("statics") == "nominal":
         output.say(
-            "gravity loads are calculated at the commanded angles: calculated at the deflected ones, they fit worse"
+            "gravity loads are calculated at the commanded angles, because those of the deflected arm fit worse"
         )
     present_parameters(document, output, all_parameters)
     rejected = document.get("rejected", [])

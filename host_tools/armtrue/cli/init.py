@@ -45,8 +45,8 @@ def init(
 ) -> None:
     """Read foreign measurement files and write robot.yaml, dataset.yaml and model.yaml that check and fit take.
 
-    Separator, decimal mark, units, columns, angles, time and repeats are guessed, and it is said from what. Several
-    files are joined: joints in one, each reflector in its own.
+    Separator, decimal mark, units, columns, angles, time and repeats are guessed, and each guess is printed with
+    its reason. Several files are joined: joints in one, each reflector in its own.
 
     Example: armtrue init joints.csv smr1.csv smr2.csv --urdf arm.urdf --out arm
     """

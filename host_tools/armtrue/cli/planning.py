@@ -30,7 +30,7 @@ _DISTINCT_SHOWN = 6
 
 def plan(
     fit_file: Annotated[
-        Path | None, typer.Argument(metavar="[FIT]", help="A fit whose ambiguity to settle.")
+        Path | None, typer.Argument(metavar="[FIT]", help="A fit whose ambiguity is to be resolved.")
     ] = None,
     robot: Annotated[
         Path | None, typer.Option("--robot", "-r", metavar="ROBOT", help="For a first campaign: robot.yaml.")
@@ -46,15 +46,15 @@ def plan(
         typer.Option(
             "--candidates",
             metavar="A B",
-            help="Effects to tell apart, whatever this data prefers, such as gear_harmonics:2 joint_compliance:2; "
-            "otherwise what the data leave open of the diagnosis' ambiguity set.",
+            help="Effects to distinguish, such as gear_harmonics:2 joint_compliance:2; "
+            "default: those of the diagnosis' ambiguity set between which the data do not decide.",
         ),
     ] = None,
     also: Annotated[
         list[str] | None, typer.Option("--also", metavar="C", help="A further effect beside --candidates.")
     ] = None,
     sharpen: Annotated[
-        bool, typer.Option("--sharpen", help="Poses for the fit's own parameters, whatever is missing.")
+        bool, typer.Option("--sharpen", help="Poses that determine the fit's own parameters better.")
     ] = False,
     levels: Annotated[
         list[str] | None,
@@ -62,7 +62,7 @@ def plan(
             "--levels",
             metavar="COLUMN=V,V",
             help="Values to choose from: payload=0,8,16 or temp_arm=20,35; dir=-1,1 means every joint's; "
-            "time=0,3600: not before these seconds of the session.",
+            "time=0,3600: earliest times in the session [s].",
         ),
     ] = None,
     tool: Annotated[
@@ -86,16 +86,21 @@ def plan(
         ),
     ] = None,
     clearance: Annotated[
-        float | None, typer.Option("--clearance", metavar="M", help="Of the line of sight from the arm [m].")
+        float | None,
+        typer.Option(
+            "--clearance", metavar="M", help="Least distance of the line of sight from the arm [m]."
+        ),
     ] = None,
     acceptance: Annotated[
         float | None,
-        typer.Option("--acceptance", metavar="DEG", help="The reflector is seen within this of its opening."),
+        typer.Option("--acceptance", metavar="DEG", help="Half of the reflector's acceptance angle."),
     ] = None,
     opening: Annotated[
         tuple[float, float, float] | None,
         typer.Option(
-            "--opening", metavar="X Y Z", help="Where the reflector looks, in the tool frame; z otherwise."
+            "--opening",
+            metavar="X Y Z",
+            help="Direction of the reflector's opening in the tool frame; default: z.",
         ),
     ] = None,
     choose_from: Annotated[int, typer.Option("--choose-from", help="Possible poses to choose from.")] = 4000,
@@ -103,13 +108,13 @@ def plan(
     data: MovedDataOption = None,
     json_to: JsonOption = None,
 ) -> None:
-    """Choose the poses to measure: for a first campaign, or those that settle what a fit's data cannot tell.
+    """Choose the poses to measure: for a first campaign, or those that decide between candidates of a fit.
 
-    Without FIT, poses that tell most of the model's parameters (D-optimal). With FIT, poses, payloads, directions and
-    temperatures that tell apart what its data leave open of the diagnosis' ambiguity set (T-optimal); where they decide
-    it already, or with --sharpen, poses for its own parameters.
+    Without FIT, poses that determine the model's parameters best (D-optimal). With FIT, poses, payloads, directions and
+    temperatures that separate the candidates of the diagnosis' ambiguity set between which its data do not decide
+    (T-optimal); if there are none, or with --sharpen, poses for its own parameters.
 
-    Rows are in the order to run them: temperature outermost, time forward, few changes of payload, short ways.
+    Rows are in the order to run them: temperature outermost, time forward, few changes of payload, short travel.
 
     Example: armtrue plan --robot robot.yaml --model model.yaml --poses 50 --out poses.csv
 
@@ -119,7 +124,7 @@ def plan(
 
     output = Output(json_to)
     if also and not candidates:
-        raise InputError(f"--also: found '{also[0]}' without --candidates, expected it beside two")
+        raise InputError(f"--also: found '{also[0]}' without --candidates, expected it together with them")
     if clearance is not None and not clearance > 0.0:
         raise InputError(f"--clearance: found {clearance}, expected metres above 0")
     cell = Cell(
@@ -136,7 +141,7 @@ def plan(
         if robot is None or model is None:
             raise InputError("plan: found neither a fit nor --robot and --model, expected one or the other")
         if data is not None:
-            raise InputError("--data: found it without a fit, expected it beside one")
+            raise InputError("--data: found it without a fit, expected it together with one")
         arm = load_robot(robot)
         chosen_levels = _levels(levels or [], arm)
         with waiting(output) as progress:
@@ -201,10 +206,11 @@ def _present_ambiguity(
         return
     if not ambiguity.rivals:
         output.say(
-            f"Nothing explains nearly as much as {name(ambiguity.entry)}: these poses are for the fit's own parameters."
+            f"No other effect explains as much as {name(ambiguity.entry)}: "
+            "these poses are for the fit's own parameters."
         )
         return
-    output.title("What else explains as much")
+    output.title("Alternative explanations")
     first = name(ambiguity.entry)
     output.items([f"{first} or {name(rival.entry)}: {preference(rival)}" for rival in ambiguity.rivals])
     if plan.separates:
@@ -212,17 +218,17 @@ def _present_ambiguity(
         left_out = sum(not rival.decided and not rival.table for rival in ambiguity.rivals)
         left_out -= len(ambiguity.open) - 1
         output.say(
-            f"These poses are chosen to tell {first} from {told}"
-            + (f", not yet from {left_out} that are less likely." if left_out else ".")
+            f"These poses are chosen to distinguish {first} from {told}"
+            + (f", not yet from {left_out} less likely ones." if left_out else ".")
         )
         return
     why = (
-        "This data decides"
+        "The data decide already"
         if all(rival.decided for rival in ambiguity.rivals)
         else "No pose rules out a table"
     )
     output.say(
-        f"{why}: these poses are for the fit's own parameters. To measure the difference all the same:"
+        f"{why}: these poses are for the fit's own parameters. To measure the difference nevertheless:"
     )
     closest = [argument_of(own) for own in (ambiguity.candidate, ambiguity.rivals[0].candidate)]
     output.line(f"  {command} --candidates {shlex.join(closest)} {rest}\n")
@@ -235,15 +241,15 @@ def preference(rival: Rival) -> str:
     figure = f"(ΔBIC {rival.delta_bic:+.0f})"
     preferred = "first" if rival.delta_bic > 0.0 else "second"
     if abs(rival.delta_bic) < HARDLY:
-        sentence = f"this data cannot tell {figure}"
+        sentence = f"the data do not decide {figure}"
     elif abs(rival.delta_bic) < SETTLED:
-        sentence = f"this data leans to the {preferred} {figure}"
+        sentence = f"the data favour the {preferred} slightly {figure}"
     else:
-        sentence = f"this data already prefers the {preferred} decisively {figure}"
+        sentence = f"the data favour the {preferred} decisively {figure}"
     if rival.table:
-        return f"{sentence}; the second is a table, which fits whatever the cause, with more parameters"
+        return f"{sentence}; the second is a table, which fits any cause, with more parameters"
     if rival.delta_bic >= SETTLED and rival.fits_as_well:
-        return f"{sentence}, but for its fewer parameters alone: the second fits as well"
+        return f"{sentence}, but only because it has fewer parameters: the second fits as well"
     return sentence
 
 
@@ -273,7 +279,7 @@ def _present_separation(plan: Plan, output: Output) -> None:
     for sentence in plan.decisions():
         output.say(spelled(sentence))
     table = plain_table(
-        "ΔBIC of the cause less the rival", "now", plural(plan.count, "random pose"), "these poses"
+        "ΔBIC of the cause minus its rival", "now", plural(plan.count, "random pose"), "these poses"
     )
     for entry in figures["separations"]:
         table.add_row(
@@ -297,17 +303,17 @@ def outlook(separation: dict[str, Any]) -> str | None:
     figure = f"(ΔBIC {expected:+.0f})"
     if expected >= SETTLED:
         sentence = (
-            f"If the cause is {cause}, {rival} is expected to be preferred all the same {figure}: "
-            f"what it misses of {cause} as fitted is worth less than the parameters that it saves"
+            f"If the cause is {cause}, {rival} is expected to be preferred nevertheless {figure}: "
+            f"its worse fit costs less than the additional parameters of {cause}"
         )
     else:
         sentence = (
-            f"If the cause is {cause}, {rival} is expected to stay about as good {figure}: "
-            "more poses, payloads or joint range may tell"
+            f"If the cause is {cause}, {rival} is expected to remain about as good {figure}: "
+            "more poses, payloads or joint range may decide"
         )
     now = separation["delta_bic_now"]
     if now >= SETTLED:
-        sentence += f"; this data prefers {rival} already (ΔBIC {now:+.0f})"
+        sentence += f"; the present data favour {rival} (ΔBIC {now:+.0f})"
     return sentence + "."
 
 
@@ -337,10 +343,10 @@ def _present_campaign(plan: Plan, output: Output) -> None:
     if figures.get("same_numbers"):
         output.say(
             f"{plural(figures['same_numbers'], 'further parameter')} {'is' if figures['same_numbers'] == 1 else 'are'} "
-            "another's number whatever the pose: held at nominal."
+            "equivalent to another one at every pose: held at nominal."
         )
     if figures.get("weak"):
-        output.title("What poses of this arm can hardly tell")
+        output.title("What poses of this arm hardly determine")
         output.items(figures["weak"])
 
 

@@ -42,7 +42,7 @@ def predict(
 ) -> None:
     """Predict where the tool point will be, row by row, in the measuring frame.
 
-    POSES needs the columns that the fitted effects read; where it has x, y, z too, the error is said.
+    POSES needs the columns that the fitted effects read; where it has x, y, z too, the error is printed.
 
     Example: armtrue predict fit.json poses.csv --out predicted.csv
     """
@@ -54,7 +54,7 @@ def predict(
     output = Output(None)
     if data is not None and not uncertainty:
         raise InputError(
-            "--data: found it without --uncertainty, expected it beside it: nothing else reads it"
+            "--data: found it without --uncertainty, expected both: only the uncertainty reads the data"
         )
     result = load_with_data(fit_file, data, [out]) if uncertainty else fitting.Fit.load(fit_file)
     wanted = load_data(poses, result.robot, need_position=False)
@@ -73,8 +73,8 @@ def predict(
         )
         if result.document.get("verdict") in ("missing_effect", "unexplained_structure"):
             output.say(
-                "what 'refine' left of this fit is more than noise, which this uncertainty knows nothing of: "
-                "predictions err by more"
+                "the residual that 'refine' left in this fit is more than noise, and this uncertainty does not include "
+                "it: predictions err by more"
             )
     write_file(out, csv_text(names, texts))
     output.items(result.assumed(wanted)[1])
@@ -92,9 +92,9 @@ def compare(
     skip_bad: SkipBadOption = False,
     json_to: JsonOption = None,
 ) -> None:
-    """Compare a fit with measurements it has not seen: the error, what was to be expected, and the worst rows.
+    """Compare a fit with new measurements: the error, the expected error, and the worst rows.
 
-    Exit status 1 where the error is worse than the fit's held-out error lets expect.
+    Exit status 1 if the error is worse than the fit's held-out error predicts.
 
     Example: armtrue compare fit.json new.csv
     """

@@ -18,7 +18,7 @@ from armtrue.tables import layout
 from armtrue.tables.compensate import Engine
 from armtrue.units import plural
 
-tables_app = typer.Typer(no_args_is_help=True, help="Look into table images.")
+tables_app = typer.Typer(no_args_is_help=True, help="Inspect table images.")
 
 
 def export(
@@ -55,7 +55,10 @@ def export(
         ),
     ] = None,
     blend_ms: Annotated[
-        int, typer.Option("--blend-ms", min=20, max=65535, help="Time of switching on, off and over.")
+        int,
+        typer.Option(
+            "--blend-ms", min=20, max=65535, help="Blend time when a table is switched on, off or replaced."
+        ),
     ] = 500,
     max_correction: Annotated[
         float | None,
@@ -64,7 +67,7 @@ def export(
         ),
     ] = None,
     max_rate: Annotated[
-        float, typer.Option("--max-rate", help="Fastest change of a correction [rad/s, m/s].")
+        float, typer.Option("--max-rate", help="Largest rate of a correction [rad/s, m/s].")
     ] = 0.1,
     dead_band: Annotated[
         float,
@@ -142,7 +145,7 @@ def compensate(
         typer.Option(
             "--engine",
             help="fixed: the firmware's code; double: the inverse of the fit in double precision, with loads as a "
-            "device takes them (where the arm gives way, some micrometres from the fit's own).",
+            "device takes them (for compliant arms some micrometres from the fit's own).",
         ),
     ] = Engine.FIXED,
     fit: Annotated[
@@ -150,7 +153,7 @@ def compensate(
         typer.Option(
             "--fit",
             metavar="FIT",
-            help="What TABLES was made from, by which errors are told; default: TABLES.fit.json.",
+            help="The fit that TABLES was exported from, for remaining errors; default: TABLES.fit.json.",
         ),
     ] = None,
     increments: Annotated[
@@ -158,12 +161,12 @@ def compensate(
     ] = False,
     json_to: JsonOption = None,
 ) -> None:
-    """Correct commands: q1…qn that bring the real tool where nominal kinematics puts it for the given ones.
+    """Correct commands: q1…qn with which the real tool reaches the nominal point of the given ones.
 
     The result also has tx, ty, tz: the point that each command was meant for, in the measuring frame. Corrected joints
-    that leave the limits are written all the same, with a warning. Rows that by the fit keep more than 20 µm and 5 % of
-    their error are counted, and the farthest is named; --json has what each row keeps. `time` is read on the clock of
-    the measurements that were fitted; without the fit beside TABLES, as seconds since the first of them.
+    beyond their limits are written nevertheless, with a warning. Rows with more than 20 µm and 5 % of their error
+    remaining are counted, and the worst is named; --json has the remaining error of each row. `time` is read on the
+    clock of the measurements that were fitted; without the fit beside TABLES, as seconds since the first of them.
 
     Example: armtrue compensate tables.bin poses.csv --engine fixed --out corrected.csv
     """
@@ -180,7 +183,7 @@ def compensate(
     output.items(result.notes)
     output.say(f"written: {out} ({plural(len(result.joints), 'pose')})")
     if leaving := result.limits_words():
-        why = "neither table nor firmware knows them, and they are written as they are"
+        why = "table and firmware do not contain joint limits, and these rows are written unchanged"
         print(f"armtrue: warning: {out}: {leaving}; {why}", file=sys.stderr)
     for note in beyond_the_fit(tables, fit, poses):
         print(f"armtrue: warning: {note}", file=sys.stderr)
@@ -202,7 +205,7 @@ def keygen(
         typer.Option("--out", "-o", metavar="KEY", help="Secret key to write; KEY.pub is written beside it."),
     ],
 ) -> None:
-    """Make an Ed25519 key pair: sign tables with KEY, build KEY.pub into the devices that shall trust it.
+    """Make an Ed25519 key pair: sign tables with KEY, build KEY.pub into the devices that are to accept them.
 
     Example: armtrue keygen --out armtrue.key
     """
@@ -210,7 +213,7 @@ def keygen(
 
     public_path, key = signing.write_key_pair(out)
     output = Output(None)
-    output.say(f"written: {out} (secret: keep it, and keep it from others), {public_path}")
+    output.say(f"written: {out} (secret: keep it, and do not share it), {public_path}")
     output.say(f"public key: {key.hex()}")
 
 

@@ -90,7 +90,7 @@ def test_check_names_coupled_joints_as_coupling_not_as_scale(tmp_path, ratio, sp
     assert found["code"] == "coupling"
     assert f"link angle 3 follows q3 {'+' if ratio > 0 else '−'} q2" in found["message"]
     assert found["evidence"]["rms_m_if_changed"] < 1.2e-3
-    assert "turn joint 2 alone and watch joint 3's motor count" in found["remedy"]
+    assert "turn joint 2 alone and watch the encoder of joint 3's motor" in found["remedy"]
     assert "kind: controller" in found["remedy"]
     remedied = yaml.safe_load(found["remedy"].split("'")[1])
     assert errors(data, robot_file(tmp_path / "robot.yaml", **remedied), tmp_path) == []
@@ -264,5 +264,5 @@ def test_check_names_stuck_thermometer_and_constant_direction(tmp_path):
     assert "from row 42 to row 71 (30 of 90 rows, 14 min), while temp_hall changed by 0." in still["message"]
     assert found["never_changes"]["evidence"]["columns"] == ["dir2"]
     said = " ".join(run.stdout.split())
-    assert "column dir2: found 1 in all rows: joint 2 came from one side to all poses" in said
-    assert "a thermometer that stood still" in said
+    assert "column dir2: found 1 in all rows: joint 2 approached all poses from one side" in said
+    assert "the thermometer stopped updating" in said

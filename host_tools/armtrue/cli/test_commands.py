@@ -119,7 +119,7 @@ def test_diagnose_prints_the_coefficients_it_recommends(folder):
     said = " ".join(run.stdout.split())
     assert ": gear_harmonics 3 explains more of the squared residual" in said
     assert "explains more than gear_harmonics 3, but with 81 parameters instead of 4" in said
-    assert "prefers the first, but the second explains more with 81 parameters instead of 4" in said
+    assert "the data favour the first, but the second explains more with 81 parameters instead of 4" in said
     # The data decide: plan would only say so.
     assert "armtrue plan" not in run.stdout
 

@@ -109,7 +109,7 @@ def test_init_reads_semicolons_decimal_commas_and_german_times(tmp_path, campaig
     assert "time" in fit["data"]["columns"]
 
 
-def test_way_out_of_a_refused_file_keeps_the_users_model(tmp_path, campaign, rows):
+def test_suggested_command_for_a_refused_file_keeps_the_users_model(tmp_path, campaign, rows):
     lines = [[*(f"q{k}" for k in range(1, 7)), "x", "y", "z"]]
     lines += [[*joints_deg(row), *millimetres(row)] for row in rows]
     write(tmp_path / "deg.csv", lines)

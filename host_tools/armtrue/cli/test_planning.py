@@ -89,7 +89,7 @@ def test_poses_separate_named_candidates_better_than_random_ones(folder):
         cwd=folder,
     )
     assert run.returncode == 0, run.stderr
-    assert "ΔBIC of the cause less the rival" in run.stdout
+    assert "ΔBIC of the cause minus its rival" in run.stdout
     figures = json.loads((folder / "apart.json").read_text())
     assert figures["candidates"] == ["gear_harmonics 3", "joint_coupling 3,2"]
     for entry in figures["separations"]:
@@ -136,7 +136,7 @@ def test_plan_prints_the_ambiguity_set_of_the_diagnosis(folder):
         assert rival["candidate"] in run.stdout
         assert f"(ΔBIC {rival['delta_bic']:+.0f})" in run.stdout
     # A table fits the harmonics too, but with more parameters: plan must print that the data decide this.
-    assert "already prefers the first decisively" in run.stdout
+    assert "favour the first decisively" in run.stdout
     assert "separations" not in figures
     (line,) = [line for line in run.stdout.splitlines() if line.startswith("  armtrue plan ")]
     asked = armtrue(*shlex.split(line)[1:], "--json", "named.json", cwd=folder)
@@ -206,14 +206,14 @@ def test_poses_for_thermal_effects_are_in_a_feasible_order(warm, levels, seed):
 
 
 PREFERENCES = {
-    "even": (1.0, 1.0, False, "cannot tell (ΔBIC +1)"),
-    "leaning": (6.0, 6.0, False, "leans to the first (ΔBIC +6)"),
-    "leaning back": (-6.0, -6.0, False, "leans to the second (ΔBIC -6)"),
-    "decided": (49.0, 40.0, False, "already prefers the first decisively (ΔBIC +49)"),
-    "for its size": (49.0, -3.0, False, "for its fewer parameters alone"),
+    "even": (1.0, 1.0, False, "do not decide (ΔBIC +1)"),
+    "leaning": (6.0, 6.0, False, "favour the first slightly (ΔBIC +6)"),
+    "leaning back": (-6.0, -6.0, False, "favour the second slightly (ΔBIC -6)"),
+    "decided": (49.0, 40.0, False, "favour the first decisively (ΔBIC +49)"),
+    "for its size": (49.0, -3.0, False, "only because it has fewer parameters"),
     "table": (196.0, -3.0, True, "a table"),
-    "close table": (1.0, -90.0, True, "cannot tell (ΔBIC +1); the second is a table"),
-    "the other": (-49.0, -40.0, False, "already prefers the second decisively (ΔBIC -49)"),
+    "close table": (1.0, -90.0, True, "do not decide (ΔBIC +1); the second is a table"),
+    "the other": (-49.0, -40.0, False, "favour the second decisively (ΔBIC -49)"),
     "not fitted": (None, None, False, "cannot be fitted"),
 }
 
@@ -247,7 +247,10 @@ def test_open_set_excludes_decided_rivals_and_tables():
 def test_plan_says_whether_data_decide_or_a_table_stays_possible(capsys):
     decided = Rival("B", {"effect": "B"}, None, None, table=False)
     table = Rival("T", {"effect": "T"}, 5.0, -90.0, table=True)
-    for rivals, why in ([decided], "This data decides: "), ([decided, table], "No pose rules out a table: "):
+    for rivals, why in (
+        ([decided], "The data decide already: "),
+        ([decided, table], "No pose rules out a table: "),
+    ):
         ambiguity = Ambiguity("A", {"effect": "A"}, rivals)
         _present_ambiguity(ambiguity, Plan({"q1": np.zeros(8)}), "armtrue plan fit.json", "", Output(None))
         assert why + "these poses are for the fit's own parameters." in capsys.readouterr().out
@@ -263,9 +266,9 @@ def test_outlook_wording_follows_expected_delta_bic():
     assert "about as good (ΔBIC -4)" in str(outlook_of(-4.0))
     assert "about as good (ΔBIC +4)" in str(outlook_of(4.0))
     against = str(outlook_of(211.0, now=196.0))
-    assert "preferred all the same (ΔBIC +211)" in against
+    assert "preferred nevertheless (ΔBIC +211)" in against
     assert "as good" not in against
-    assert "prefers B already (ΔBIC +196)" in against
+    assert "the present data favour B (ΔBIC +196)" in against
 
 
 def decision(now: float, expected: tuple[float, float], poses: int = 8) -> str:

@@ -129,7 +129,7 @@ def test_fit_marks_a_negative_compliance_beside_its_value(changed):
         (1e-6, 1e-7, ""),
     ],
 )
-def test_outside_words_a_value_within_two_sigma_of_its_bound_is_inside(value, sigma, words):
+def test_value_within_two_sigma_of_its_bound_is_not_called_outside(value, sigma, words):
     parameter = {
         "effect": "joint_compliance",
         "sign": 1,

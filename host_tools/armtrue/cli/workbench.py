@@ -48,11 +48,11 @@ def open_workbench(
         typer.Option(
             "--session",
             metavar="FOLDER",
-            help="Where the session is kept; default: in your state folder. A session that is there already continues.",
+            help="Folder of the session; default: in your state folder. A session that exists there is continued.",
         ),
     ] = None,
     new: Annotated[
-        bool, typer.Option("--new", help="Begin anew, though there is a session of these files.")
+        bool, typer.Option("--new", help="Start a new session even if there is one of these files.")
     ] = False,
     interface: Annotated[
         str | None,
@@ -64,13 +64,13 @@ def open_workbench(
         str | None, typer.Option("--channel", "-c", metavar="NAME", help="Its channel, such as can0.")
     ] = None,
     bitrate: Annotated[
-        int | None, typer.Option("--bitrate", metavar="BIT/S", help="Where the interface has to be told.")
+        int | None, typer.Option("--bitrate", metavar="BIT/S", help="Bit rate, for interfaces that need it.")
     ] = None,
     node: Annotated[int, typer.Option("--node", "-n", min=1, max=127, help="CANopen node-ID.")] = 32,
 ) -> None:
-    """Open the workbench: add an effect on a page in your browser, see the error fall, take it back.
+    """Open the workbench: add effects on a page in your browser, see the error fall, and undo.
 
-    Serves this machine alone until Ctrl-C, and goes on where it was when it is started on the same files again.
+    Serves only this machine, until Ctrl-C; continues the session if it is started on the same files again.
 
     Example: armtrue open data.csv --robot robot.yaml --model model.yaml
     """
@@ -95,7 +95,7 @@ def open_workbench(
     with waiting(output) as progress:
         server = start(opened, port, session, new, progress, device, drop)
     if drop is not None:
-        output.say("The files are not in Armtrue's own form: the page shows what was guessed of them.")
+        output.say("The files are not in Armtrue's own form: the page shows the guesses about them.")
     if opened is not None:
         output.items(opened.notes)
         output.say(f"session: {server.engine.session.folder}")

@@ -27,7 +27,7 @@ _InterfaceOption = typer.Option(
 _ChannelOption = typer.Option(
     "--channel", "-c", metavar="NAME", help="Its channel: can0, /dev/ttyACM0, socket://host:port, …"
 )
-_BitrateOption = typer.Option("--bitrate", metavar="BIT/S", help="Where the interface has to be told.")
+_BitrateOption = typer.Option("--bitrate", metavar="BIT/S", help="Bit rate, for interfaces that need it.")
 _DataBitrateOption = typer.Option("--data-bitrate", metavar="BIT/S", help="CAN FD data phase.")
 _ExtraOption = typer.Option(
     "--bus-option", metavar="KEY=VALUE", help="Passed to python-can as it stands; repeatable."

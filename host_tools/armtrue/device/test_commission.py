@@ -74,7 +74,7 @@ def test_reversed_axis_is_named() -> None:
 def test_wrong_scale_is_named_with_its_size(scale: float) -> None:
     targets = one_after_the_other()
     actuals = drives(targets)
-    actuals[:, 4] = scale * actuals[:, 4] + 1e6  # counted from another zero, which is no matter of scale
+    actuals[:, 4] = scale * actuals[:, 4] + 1e6  # counted from another zero, which is no scale error
     (sentence,) = examine(targets, actuals).findings
     found = re.fullmatch(r"axis 5: the drive moves (\S+) times as far as commanded", sentence)
     assert found is not None, sentence
@@ -138,7 +138,7 @@ def test_drive_at_rest_and_silent_drive_are_named() -> None:
     assert silent.startswith("axis 3: no actual position was heard: map 0x7064 in a valid RPDO")
 
 
-def test_empty_recording_is_not_right() -> None:
+def test_empty_recording_is_not_reported_as_correct() -> None:
     nothing = np.zeros((0, JOINTS))
     assert not examine(nothing, nothing).is_right
 

@@ -117,7 +117,7 @@ def upload_image(
     if confirm and result.on_trial:
         device.command("cfrm")
         result.on_trial = False
-        done("confirmed", "the table of every later start")
+        done("confirmed", "active after every start")
     return result
 
 

@@ -94,7 +94,7 @@ def is_clock(cells: list[str]) -> bool:
 def why_no_clock(cells: list[str], rows: list[int]) -> str:
     """Why `cells`, from these `rows` of the file, are no clock."""
     if all(_is_date(cell) for cell in cells):
-        return "found dates without a time of day, which do not tell the rows of one day apart"
+        return "found dates without a time of day, which are equal for all rows of one day"
     model = max(cells, key=lambda cell: bool(_patterns(cell)))
     for pattern in _patterns(model):
         for cell, row in zip(cells, rows, strict=True):
@@ -193,7 +193,7 @@ def _chosen(stamps: dict[str, Array], patterns: list[str]) -> tuple[str, str]:
     (first, one), *more = stamps.items()
     if not more:
         refused = [pattern for pattern in patterns if pattern != first]
-        return first, ", as the month would be beyond 12 with the other order" if refused else ""
+        return first, ", as the month would be above 12 in the other order" if refused else ""
     ((second, other),) = more
 
     def says(pattern: str) -> str:
@@ -213,7 +213,10 @@ def _chosen(stamps: dict[str, Array], patterns: list[str]) -> tuple[str, str]:
         why = f"the rows then last {days[best]:.3g} days, with the other order {days[worse]:.3g}"
     else:
         best = second if "%p" in first else first
-        return best, f", {says(best)}, as is common: nothing tells, and both orders give the same seconds"
+        return (
+            best,
+            f", {says(best)}, the common order: the rows do not decide, and both orders give the same seconds",
+        )
     return best, f", {says(best)}, as {why}"
 
 

@@ -175,11 +175,11 @@ def _take(found: Meaning, sheet: Sheet, name: str, word: str) -> None:
 def _why_left(sheet: Sheet, name: str, word: str) -> str:
     """Why a column is left out because of its name, whatever its values; empty if it is not."""
     if _OWN_POSE.search(word):
-        return "it is the controller's own pose by its name, and nothing that was measured"
+        return "by its name it is the controller's own pose, which is not a measurement"
     if _PLANNED.search(word):
-        return "it looks like what was planned"
+        return "it looks like a nominal value"
     if _DEVIATION.match(word):
-        return f"it is {_deviation(sheet, name) or 'a deviation from what was planned by its name'}"
+        return f"it is {_deviation(sheet, name) or 'by its name a deviation from the nominal value'}"
     if _DEVIATION_LENGTH.match(word) and any(_DEVIATION.match(split_unit(own)[0]) for own in sheet.header):
         return "it is the length of a deviation by its name"
     return ""

@@ -111,7 +111,7 @@ class _Init:
             part.meaning.carry(len(names))
             _fit_to_arm(part, len(names), motors)
             if part.sheet.thousands:
-                part.notes.append("marks between thousands are taken out")
+                part.notes.append("thousands separators are removed")
             part.leave_out_dead_sensors()
             if skip_bad:
                 part.leave_out_bad_rows()

@@ -257,7 +257,7 @@ def _say_what_may_be(sets: list[_Set], any_gone: bool) -> None:
             else "take its columns out of the file"
         )
         found.part.notes.append(
-            f"{found.headers}: should '{found.label}' be the controller's own pose and no reflector, {way}"
+            f"{found.headers}: if '{found.label}' is the controller's own pose and not a reflector, {way}"
         )
 
 

@@ -58,8 +58,8 @@ def from_polar(sheet: Sheet) -> tuple[Sheet, str | None]:
         "zenith angle down from z" if _ZENITH.match(split_unit(up)[0]) else "elevation up from the xy plane"
     )
     return polar, (
-        f"{around}, {up}, {far}: polar readings are converted to x, y, z (azimuth from x towards y, {angle}); if that "
-        "is not how the instrument counts, export the points as Cartesian x, y, z"
+        f"{around}, {up}, {far}: polar readings are converted to x, y, z (azimuth from x towards y, {angle}); if the "
+        "instrument counts differently, export the points as Cartesian x, y, z"
     )
 
 

@@ -326,7 +326,7 @@ def _as_spatialanalyzer(sheet: Sheet) -> Sheet:
     if any(map(any, is_figure[:2])) or not whole or not all(map(all, is_figure[3:])):
         return sheet
     header = [*_SPATIALANALYZER, *sheet.header[len(_SPATIALANALYZER) :]]
-    note = f"no header: columns are taken as {', '.join(_SPATIALANALYZER)}, which is how SpatialAnalyzer writes points"
+    note = f"no header: columns are taken as {', '.join(_SPATIALANALYZER)}, as SpatialAnalyzer writes points"
     return replace(sheet, header=header, direct=False, note=note)
 
 

@@ -213,8 +213,8 @@ def _with_passive_still(data: Dataset, robot: Robot) -> Dataset:
         if apart > _PASSIVE_FOLLOWS:
             unit = "rad" if robot.joints[k - 1]["type"] == "revolute" else "m"
             raise InputError(
-                f"{data.file} column q{k}: found values that go up to {apart:.3g} {unit} their own way, expected no "
-                f"column (joint {k} is passive), the same in all rows, or what robot.yaml's coupling gives"
+                f"{data.file} column q{k}: found values up to {apart:.3g} {unit} from robot.yaml's coupling, expected "
+                f"no column (joint {k} is passive), the same value in all rows, or the angle by that coupling"
             )
         moved.notes.append(
             f"{data.file.name}: q{k} is not used: joint {k} has no motor, and its link follows"
@@ -230,9 +230,7 @@ def _at_the_drives(data: Dataset, robot: Robot) -> Dataset:
     if np.array_equal(matrix, np.eye(robot.joint_count)):
         return data
     columns = with_joints_mapped(data.columns, matrix)
-    note = (
-        "joints are taken where the drives are: robot.yaml says that the controller couples what it reports"
-    )
+    note = "joint angles are converted to drive angles: by robot.yaml, the controller reports coupled angles"
     return replace(data, columns=columns, notes=[*data.notes, note])
 
 
@@ -300,8 +298,8 @@ def with_travels(data: Dataset) -> Dataset:
         return data
     joints = sorted(int(name.removeprefix("travel")) for name in found)
     note = (
-        f"{data.file.name}: {span('travel', joints)}, how far a joint came in its last direction, follows from the "
-        "order of the rows, with which dir agrees"
+        f"{data.file.name}: {span('travel', joints)}, the travel of a joint since its last reversal, is derived from "
+        "the order of the rows, with which dir agrees"
     )
     return replace(data, columns=data.columns | found, notes=[*data.notes, note], derived=frozenset(found))
 

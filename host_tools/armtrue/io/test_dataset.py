@@ -416,7 +416,7 @@ def test_readings_of_a_passive_joint_are_kept_but_not_used(tmp_path, level, thir
 
 def test_passive_joint_that_contradicts_its_coupling_is_refused(tmp_path, level):
     text = level_csv(list(ANGLES.sum(axis=1)))
-    with pytest.raises(InputError, match=r"column q3: found values that go up to 0\.2 rad their own way"):
+    with pytest.raises(InputError, match=r"column q3: found values up to 0\.2 rad from robot\.yaml"):
         load_data(written(tmp_path, text), level, need_position=False)
 
 

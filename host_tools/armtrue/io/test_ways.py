@@ -57,7 +57,7 @@ def test_load_data_derives_travel_with_a_note(tmp_path, two_joints) -> None:
         data.columns["travel1"], travels({"q1": Q, "dir1": SIDE})["travel1"], atol=1e-9
     )
     assert "travel2" not in data.columns
-    assert any("travel1, how far a joint came" in note for note in data.notes)
+    assert any("travel1, the travel of a joint since its last reversal" in note for note in data.notes)
     # Poses to predict keep all their rows.
     assert load_data(path, two_joints, need_position=False).count == 2 * Q.size
 

@@ -51,7 +51,7 @@ def test_unexplained_structure_is_drawn_only_if_there_is_any(report, heated):
     assert "nothing to show" in figures.unexplained(report).html
 
 
-def test_only_a_picture_without_a_section_has_nothing_to_show():
+def test_picture_without_a_section_says_that_there_is_nothing_to_show():
     assert "Spectra: nothing to show." in figures.Picture("Spectra", None).html
     drawn = figures.Picture("Spectra", tag("section", "seen")).html
     assert "<section>seen</section>" in drawn

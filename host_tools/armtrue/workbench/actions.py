@@ -53,7 +53,7 @@ def _remove(engine: Engine, words: Entry) -> None:
     effects = engine.session.node.effects
     place = _whole(words, "effect", len(effects))
     if len(effects) == 1:
-        raise InputError(f"{effects[0]['effect']} is all that the model has, expected one effect to stay")
+        raise InputError(f"{effects[0]['effect']} is the only effect of the model, expected one to remain")
     _change(engine, [entry for k, entry in enumerate(effects) if k != place])
 
 

@@ -91,7 +91,7 @@ def test_foreign_requests_are_refused_as_the_standard_says(
         assert abort_code(lambda: foreign.sdo.download(index, sub, data)) == code
 
 
-# This client cannot send a block's last part again: no burst may be longer than the device takes, whoever waits.
+# This client cannot repeat the end of a block: no burst may be longer than the device can receive.
 @pytest.mark.parametrize("size", [1, 7, 8, 434, 435])
 def test_foreign_transfers_read_back(foreign: canopen.RemoteNode, size: int) -> None:
     segmented = bytes((7 * k + size) % 251 for k in range(size))

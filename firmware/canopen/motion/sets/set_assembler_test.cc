@@ -126,7 +126,7 @@ TEST_F(SetAssemblerTest, TargetsSlowerThanSync_GoOutOnceTheirPauseIsKnown) {
   }
 }
 
-TEST_F(SetAssemblerTest, RepeatBehindItsSetWithoutSync_BeginsNoInterval) {
+TEST_F(SetAssemblerTest, RepeatedFrameAfterItsSetWithoutSync_StartsNoInterval) {
   configure(255);
   std::uint64_t now_us = 0;
   for (int k = 0; k < 12; ++k) {  // a window of 500 us is learnt
@@ -170,7 +170,7 @@ TEST_F(SetAssemblerTest, OneLateOrLostSync_KeepsTheMeasuredInterval) {
     configure(1);
     std::uint64_t now_us = 0;
     for (int k = 0; k < 10; ++k) sets.note_sync(now_us += 1'000);
-    // Each SYNC after the late one finds a set that came right after the SYNC before.
+    // At each SYNC after the late one, a set is ready that came just after the previous SYNC.
     sets.note_sync(now_us + 1'000 + late_us);
     for (std::uint64_t sync_us = now_us + 2'000; sync_us < now_us + 7'000; sync_us += 1'000) {
       if (sync_us <= now_us + 1'000 + late_us) continue;  // lost, or the late one itself

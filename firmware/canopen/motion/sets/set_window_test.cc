@@ -87,7 +87,7 @@ TEST_F(SetWindowTest, SlowerRoundsBeforeAnUnclearPause_AreForgotten) {
   EXPECT_EQ(in_force(), 500U);
 }
 
-TEST_F(SetWindowTest, SetAsLongAsTheWindowOfOthers_IsNotLearnt) {
+TEST_F(SetWindowTest, SetAsLongAsTheWindowOfAnother_IsNotLearnt) {
   expect_frames(2);
   for (int k = 0; k < 10; ++k) {
     set({100}, 900);   // window 500

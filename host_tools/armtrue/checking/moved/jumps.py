@@ -37,17 +37,19 @@ def hypotheses(data: Dataset, reading: Reading) -> Iterator[Hypothesis]:
 
 def _hypothesis(column: str, codes: Array, first: int) -> Hypothesis:
     if column == _BASE:
-        code, cause = "base_step", "the measuring frame stands elsewhere, as when tracker or base were moved"
+        code, cause = "base_step", "the measuring frame is displaced, as if tracker or base had been moved"
         remedy = (
-            f"Count up a column 'station' from row {first} on and give the model the effect station, or fit the rows "
-            "before and after apart."
+            f"Increase the number in a column 'station' from row {first} on and add the effect station to the model, "
+            "or fit the rows before and after separately."
         )
     else:
         code, cause = (
             "reflector_step",
-            "the reflector sits elsewhere on the arm, as when another one was taken",
+            "the reflector is at another place on the arm, as if it had been exchanged",
         )
-        remedy = f"Give the rows from {first} on another name in a column 'target', or fit both parts apart."
+        remedy = (
+            f"Give the rows from {first} on another name in a column 'target', or fit both parts separately."
+        )
     return Hypothesis(
         code,
         f"from row {first} on {cause}",

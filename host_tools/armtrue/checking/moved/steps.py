@@ -171,20 +171,22 @@ def _finding(data: Dataset, geometry: Geometry, step: _Step, order: NDArray[np.i
         "turn_rad": turn,
         "explained": step.explained,
     }
-    share = f"that explains {step.explained:.0%} of what the arm's geometry leaves"
+    share = f"that explains {step.explained:.0%} of the residual that the arm's geometry leaves"
     joint = _joint_that_parts(data, order, step.at)
     if joint is not None:
         evidence["joint"] = joint
-        share += f"; as joint {joint} is on one side before and on the other after, it may jump there as well"
+        share += (
+            f"; it may also be a jump of joint {joint}, which is on one side before and on the other after"
+        )
     if step.kind == "base":
         return Finding(
             "base_step",
             "warning",
             f"{where} the points lie {shift_m * 1000:.1f} mm RMS from where they were before, turned by "
-            f"{math.degrees(turn):.2f}°, as when tracker or base were moved: {share}",
+            f"{math.degrees(turn):.2f}°, as if tracker or base had been moved: {share}",
             evidence,
-            "Count up a column 'station' from there on and give the model the effect station, or leave the smaller "
-            "part of the rows out.",
+            "Increase the number in a column 'station' from there on and add the effect station to the model, or leave "
+            "out the smaller part of the rows.",
         )
     names = data.labels.get("target", [])
     codes = data.columns.get("target", np.zeros(data.count)).astype(np.int64)
@@ -193,11 +195,11 @@ def _finding(data: Dataset, geometry: Geometry, step: _Step, order: NDArray[np.i
     return Finding(
         "reflector_step",
         "warning",
-        f"{where} the reflector{name} sits {shift_m * 1000:.1f} mm from where it sat on the arm before, as when it was "
+        f"{where} the reflector{name} is {shift_m * 1000:.1f} mm from its earlier place on the arm, as if it had been "
         f"exchanged or put back: {share}",
         evidence,
-        "Count up a column 'nest' from there on and give the model the effect nest (or another name in the column "
-        "target where it is another reflector), or leave the smaller part of the rows out.",
+        "Increase the number in a column 'nest' from there on and add the effect nest to the model (for another "
+        "reflector: another name in the column target), or leave out the smaller part of the rows.",
     )
 
 
@@ -224,7 +226,7 @@ def _set_ups(data: Dataset, geometry: Geometry) -> Iterator[Finding]:
         f"column 'station' names {len(geometry.bases)} set-ups, whose frames put the arm up to "
         f"{apart_m * 1000:.1f} mm apart",
         {"set_ups": len(geometry.bases), "apart_m": apart_m},
-        "Give the model the effect station: a fit without it takes all rows as of one frame.",
+        "Add the effect station to the model: without it, a fit assumes one frame for all rows.",
     )
 
 

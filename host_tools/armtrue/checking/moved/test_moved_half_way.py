@@ -83,7 +83,7 @@ def test_exchanged_reflector_is_reported_as_reflector_step(campaign: Campaign) -
     data, robot = campaign()
     (found,) = steps(reflector_moved(data, robot, [3e-3, 4e-3, 0.0]), robot)
     assert (found.code, found.severity) == ("reflector_step", "warning")
-    assert found.message.startswith("from row 122 on the reflector sits 5.")
+    assert found.message.startswith("from row 122 on the reflector is 5.")
     assert found.evidence["shift_m"] == pytest.approx(5e-3, rel=0.05)
     assert "column 'nest'" in found.remedy
 
@@ -94,7 +94,7 @@ def test_of_two_reflectors_only_the_moved_one_is_reported(campaign: Campaign) ->
     moved = reflector_moved(data, robot, [0.0, 2e-3, 0.0]).positions_m
     points = np.where(of_b[:, None], moved, data.positions_m)
     (found,) = steps(with_points(data, points), robot)
-    assert "the reflector 'B' sits 2." in found.message
+    assert "the reflector 'B' is 2." in found.message
     assert found.evidence["shift_m"] == pytest.approx(2e-3, rel=0.1)
 
 
@@ -105,7 +105,7 @@ def test_jump_of_metres_is_not_reported_as_a_joint_error(campaign: Campaign, see
     far = tracker_moved(data, 1.5, 0.5)
     (found,) = [found for found in check(far, robot).findings if found.severity == "error"]
     assert found.code == "base_step"
-    assert "from row 122 on the measuring frame stands elsewhere" in found.message
+    assert "from row 122 on the measuring frame is displaced" in found.message
     with pytest.raises(InputError, match="from row 122 on the measuring frame"):
         refuse_what_cannot_be_an_arm(far, robot)
     exchanged = reflector_moved(data, robot, [0.2, -0.1, 0.15])
@@ -119,7 +119,10 @@ def test_step_names_the_joint_that_separates_its_two_sides(campaign: Campaign) -
     sorted_by = data.take(np.argsort(data.columns["q2"], kind="stable"))
     sorted_by.columns["time"] = np.arange(data.count) * 10.0
     (found,) = steps(tracker_moved(sorted_by, 3e-3, 0.0), robot)
-    assert "as joint 2 is on one side before and on the other after" in found.message
+    assert (
+        "it may also be a jump of joint 2, which is on one side before and on the other after"
+        in found.message
+    )
 
 
 def test_no_step_is_reported_for_clean_or_slowly_drifting_data(campaign: Campaign) -> None:

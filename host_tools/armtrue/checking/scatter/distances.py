@@ -41,7 +41,7 @@ def find(data: Dataset) -> Iterator[Finding]:
         (pair,) = scales
         who, others = (
             f"reflectors '{names[pair[0]]}' and '{names[pair[1]]}'",
-            "where poses measured again scatter by",
+            "while repeated poses scatter by",
         )
         if scales[pair] > max(_TIMES * firmest, _LEAST_M):
             yield _finding(f"between {who}", scales[pair], f"{others} {firmest * 1e6:.0f} µm", who)
@@ -49,9 +49,7 @@ def find(data: Dataset) -> Iterator[Finding]:
     if not scales:
         return
     firm = min(scales, key=lambda pair: scales[pair])
-    holds = (
-        f"where that between '{names[firm[0]]}' and '{names[firm[1]]}' holds to {scales[firm] * 1e6:.0f} µm"
-    )
+    holds = f"while that between '{names[firm[0]]}' and '{names[firm[1]]}' scatters by {scales[firm] * 1e6:.0f} µm"
     for target in targets:
         least = min(scale for pair, scale in scales.items() if target in pair)
         if least > max(_TIMES * scales[firm], _LEAST_M):
@@ -66,7 +64,7 @@ def _finding(between: str, scale: float, compared: str, who: str) -> Finding:
         f"the distance {between} scatters by {scale * 1e6:.0f} µm from pose to pose, {compared}: on a rigid tool it is "
         "the same at all poses",
         {"scatter_m": scale},
-        f"Look whether {who} or its nest is loose, and measure again, or take its rows out.",
+        f"Check whether {who} or its nest is loose, and measure again, or remove its rows.",
     )
 
 

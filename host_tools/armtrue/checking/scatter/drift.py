@@ -39,7 +39,7 @@ def _fixed_reflectors(data: Dataset) -> Iterator[Finding]:
             yield Finding(
                 "base_drift",
                 "warning",
-                f"target '{name}' does not ride on the arm, yet moved by {shift * 1e6:.0f} µm over the session "
+                f"target '{name}' does not move with the arm, but moved by {shift * 1e6:.0f} µm over the session "
                 f"(± {sigma * 1e6:.0f} µm): base or instrument drifts",
                 evidence,
                 "Add the effect time_drift to the model, and measure fixed reflectors now and then.",
@@ -48,7 +48,7 @@ def _fixed_reflectors(data: Dataset) -> Iterator[Finding]:
             yield Finding(
                 "fixed_reflector",
                 "note",
-                f"target '{name}' does not ride on the arm and stood still within {max(shift, sigma) * 1e6:.0f} µm",
+                f"target '{name}' does not move with the arm and stayed within {max(shift, sigma) * 1e6:.0f} µm",
                 evidence,
                 "Nothing to do: a fit leaves its rows out.",
             )
@@ -71,9 +71,9 @@ def _wandering_repeats(data: Dataset) -> Iterator[Finding]:
     yield Finding(
         "repeats_drift",
         "warning",
-        f"poses measured again later lie {shift * 1e6:.0f} µm (± {sigma * 1e6:.0f} µm) away over the session",
+        f"repeated poses moved by {shift * 1e6:.0f} µm (± {sigma * 1e6:.0f} µm) over the session",
         {"shift_m": shift, "sigma_m": sigma, "rows": int(again.sum())},
-        "Let armtrue diagnose tell drift, warm-up and direction of approach apart; record temperatures.",
+        "armtrue diagnose distinguishes drift, warm-up and direction of approach; record temperatures.",
     )
 
 

@@ -87,7 +87,7 @@ def _of_joints(
         f"{data.file.name}: found {found}: unless the arm was sent to just these values, they put the tool off by "
         f"{cost * 1e6:.0f} µm RMS (step/√12 on each joint)",
         {"cost_m": cost, "cost_of_joints_m": {str(k): own for k, own in costs.items()}},
-        "Write the joints as the controller has them, to 0.0001° and 0.001 mm.",
+        "Write the joints with the digits that the controller has, to 0.0001° and 0.001 mm.",
     )
 
 

@@ -29,7 +29,7 @@ def find(data: Dataset, repeats_m: float, fit_rms_m: float) -> Iterator[Finding]
     stated = float(np.median(data.columns["sigma"]))
     # sigma is of one axis, the others of all three together.
     seen = {
-        "poses measured again scatter by": repeats_m / math.sqrt(3.0),
+        "repeated poses scatter by": repeats_m / math.sqrt(3.0),
         "a fit of the geometry alone leaves": fit_rms_m / math.sqrt(3.0),
     }
     words, least = min(seen.items(), key=lambda entry: entry[1])
@@ -42,7 +42,7 @@ def find(data: Dataset, repeats_m: float, fit_rms_m: float) -> Iterator[Finding]
             f"{found}, more than {_TIMES_TOO_LARGE:.0f} times what {words}: {least * 1e6:.1f} µm an axis",
             evidence,
             "Give sigma its unit in dataset.yaml, as in 'sigma: {column: sigma, unit: mm}', or one standard "
-            "deviation in metres; with one far too large nothing counts as significant.",
+            "deviation in metres; if it is far too large, no effect is significant.",
         )
         return
     # Residuals of a fit may be errors of the arm, which sigma excludes: only repeats show that sigma is too small.
@@ -52,6 +52,6 @@ def find(data: Dataset, repeats_m: float, fit_rms_m: float) -> Iterator[Finding]
             "warning",
             f"{found}, less than 1/{_TIMES_TOO_SMALL:.0f} of what {words}: {least * 1e6:.1f} µm an axis",
             evidence,
-            "Give one standard deviation in metres of what is measured again, in which the arm's repeatability "
-            "counts as well as the instrument's; with one far too small chance counts as significant.",
+            "Give the standard deviation in metres of repeated measurements, of the arm's repeatability and the "
+            "instrument's noise together; if it is far too small, noise counts as significant.",
         )

@@ -59,7 +59,7 @@ def test_drift_within_each_set_up_is_reported(campaign: Campaign) -> None:
     assert "repeats_drift" not in messages(from_two_set_ups(rounds, second), robot)
     rising = with_points(rounds, rounds.positions_m + np.outer(np.linspace(0.0, 1.0, 240), [0.0, 0.0, 5e-4]))
     found = messages(from_two_set_ups(rising, second), robot)["repeats_drift"]
-    assert found.startswith("poses measured again later lie 5")
+    assert found.startswith("repeated poses moved by 5")
 
 
 def test_scatter_of_repeats_is_that_within_a_set_up(half_way: tuple[Dataset, Robot]) -> None:

@@ -37,7 +37,7 @@ def test_sigma_far_below_the_scatter_of_repeats_is_a_warning(quiet: tuple[Datase
     data, robot = quiet
     (found,) = warnings(changed(data, sigma=np.full(data.count, 5e-7)), robot)
     assert found.code == "sigma_too_small"
-    assert "found 0.5 µm (median), less than 1/4 of what poses measured again scatter by" in found.message
+    assert "found 0.5 µm (median), less than 1/4 of what repeated poses scatter by" in found.message
     assert warnings(changed(data, sigma=np.full(data.count, 5e-6)), robot) == []
 
 
@@ -65,7 +65,7 @@ def test_equal_rows_are_duplicates_despite_rounded_positions(
     coarse = rounded(data, 1e-4, *"xyz")
     twice = coarse.take(np.array([*range(coarse.count), 3]))
     (found,) = [finding for finding in cheap_findings(twice, robot) if finding.code == "duplicate_rows"]
-    assert found.message.startswith("rows equal in every column stand more than once")
+    assert found.message.startswith("rows equal in every column occur more than once")
 
 
 def test_joints_rounded_to_hundredths_of_a_degree_warn_of_cost(quiet: tuple[Dataset, Robot]) -> None:
@@ -94,7 +94,7 @@ def test_loose_reflector_is_named_from_distances_to_the_others(campaign: Campaig
     shaken = {name: data.columns[name] + loose * rng.normal(0.0, 1e-4, data.count) for name in "xyz"}
     (found,) = [f for f in warnings(changed(data, **shaken), robot) if f.code == "loose_reflector"]
     assert "the distance from reflector 'B' to the others scatters by" in found.message
-    assert "between 'A' and 'C' holds to" in found.message
+    assert "between 'A' and 'C' scatters by" in found.message
 
 
 def test_distance_of_two_reflectors_is_compared_with_repeats(campaign: Campaign) -> None:

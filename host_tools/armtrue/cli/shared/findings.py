@@ -107,9 +107,10 @@ def _perhaps_of_the_arm(steps: list[dict[str, Any]], effects: list[dict[str, Any
         ]
         if names := [name(entry) for entry in rivals if label(entry) not in present]:
             lines.append(
-                f"{name(added)} can hardly be told from {'; '.join(names)} by these poses, and tables leave out what "
-                "belongs to the measurement: if the arm does it, it stays uncorrected. A length that is known "
-                "without this instrument tells them apart; 'armtrue add' before 'refine' gives it to the arm"
+                f"{name(added)} can hardly be distinguished from {'; '.join(names)} by these poses, and tables leave "
+                "out effects of the measurement: if the arm is the cause, its error stays uncorrected. A length that "
+                "is known without this instrument distinguishes them; 'armtrue add' before 'refine' attributes it to "
+                "the arm"
             )
     return lines
 
@@ -140,7 +141,7 @@ def _why_kept(probability: float) -> str:
     """Why the model keeps an effect that is more likely absent; empty if it is likely present."""
     if probability > _MORE_LIKELY_THAN_NOT:
         return ""
-    return " (kept: without it unseen poses are predicted worse, or the search asks for it again)"
+    return " (kept: without it held-out poses are predicted worse, or the search adds it again)"
 
 
 def floor_words(result: dict[str, Any]) -> str:
@@ -189,8 +190,12 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         else:
             reasons.setdefault(why_words(candidate), []).append(rank)
     if likely:
-        output.title("Missing beside it")
-        output.items([f"{_runs(likely)}: more likely there than not; armtrue refine adds what holds"])
+        output.title("Probably also missing")
+        output.items(
+            [
+                f"{_runs(likely)}: probability above 50 %; armtrue refine adds those that lower the held-out error"
+            ]
+        )
     if reasons:
         output.title("Not recommended")
         output.items([f"{_runs(ranks)}: {why}" for why, ranks in reasons.items()])

@@ -36,7 +36,7 @@ def load_with_data(path: Path, data: Path | None, writes: Iterable[Path | str | 
     except InputError as error:
         if data is not None:
             raise
-        raise InputError(f"{error}; where they lie elsewhere, name them with --data DATA") from None
+        raise InputError(f"{error}; if they were moved, name them with --data DATA") from None
     # The fit names these files; the guard of all commands has checked only those of the command line.
     refuse_to_lose([fit.data.path, fit.data.file], writes)
     return fit

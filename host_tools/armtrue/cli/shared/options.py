@@ -24,7 +24,7 @@ MovedDataOption = Annotated[
     typer.Option(
         "--data",
         metavar="DATA",
-        help="The fit's measurements, where they no longer lie where they were fitted.",
+        help="The fit's measurements, if they were moved after the fit.",
     ),
 ]
 RobotOption = Annotated[
@@ -41,5 +41,5 @@ JsonOption = Annotated[
 SeedOption = Annotated[int, typer.Option("--seed", help="Seed of the random split into folds.")]
 FoldsOption = Annotated[int, typer.Option("--folds", min=2, help="Folds of cross-validation.")]
 SkipBadOption = Annotated[
-    bool, typer.Option("--skip-bad", help="Leave out rows that cannot be read, and say which.")
+    bool, typer.Option("--skip-bad", help="Leave out rows that cannot be read, and list them.")
 ]

@@ -155,7 +155,7 @@ def test_diagnosis_shows_separability_reasons_and_predicted_error(capsys):
 def test_open_question_leads_to_a_plan_that_can_be_pasted(capsys):
     result = {
         **RESULT,
-        "advice": ["A or B: this data cannot tell; armtrue plan chooses poses that separate them"],
+        "advice": ["A or B: the data do not decide; armtrue plan chooses poses that separate them"],
     }
     present_diagnosis(result, Output(None), Path("my arm/first try.json"), Path("my arm/data.csv"))
     (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  armtrue plan ")]
@@ -169,8 +169,10 @@ def test_candidates_above_50_percent_are_listed_as_missing(capsys):
     result["candidates"][1]["probability"] = 0.93
     result["candidates"][3]["probability"] = 0.51
     lines = printed(result, capsys)
-    beside = lines[lines.index("Missing beside it") + 1]
-    assert beside == "  · 2, 4: more likely there than not; armtrue refine adds what holds"
+    beside = lines[lines.index("Probably also missing") + 1]
+    assert (
+        beside == "  · 2, 4: probability above 50 %; armtrue refine adds those that lower the held-out error"
+    )
     reasons = lines[lines.index("Not recommended") + 1 :]
     assert reasons[0] == "  · 3, 5: not significant among all that was tried"
 
@@ -246,7 +248,7 @@ def _refined(effect, *, beside, joints=()):
 def test_refine_warns_if_instrument_effect_may_be_of_the_arm(capsys):
     present_added(_refined("tracker_scale", beside=["joint_scale 1", "tracker_angles"]), Output(None))
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "tracker_scale can hardly be told from joint_scale 1 by these poses" in said
+    assert "tracker_scale can hardly be distinguished from joint_scale 1 by these poses" in said
     assert "tracker_angles" not in said, "tables leave that out too"
 
 
@@ -260,4 +262,4 @@ def test_refine_warns_if_instrument_effect_may_be_of_the_arm(capsys):
 )
 def test_refine_does_not_warn_if_no_arm_effect_is_in_doubt(capsys, effect, joints, beside):
     present_added(_refined(effect, beside=beside, joints=joints), Output(None))
-    assert "hardly be told" not in capsys.readouterr().out
+    assert "hardly be distinguished" not in capsys.readouterr().out

@@ -55,7 +55,7 @@ class Waterfall:
         if not changes and not self.steps:
             changes = ["as it stood"]
         elif not changes:
-            changes = ["no effect came or went"]
+            changes = ["no effect was added or removed"]
         width = max(16, self._output.console.width - self._figures_width - self._cells - 4)
         return [line for change in changes for line in textwrap.wrap(change, width, subsequent_indent="  ")]
 

@@ -44,9 +44,9 @@ def test_labels_of_diagnose_are_found_and_spelled():
     mesh = {"effect": "gear_mesh", "joints": [6], "cycles": [171.3119657, 24.0]}
     assert called(mesh) == "gear_mesh 6 cycles [171.312,24]"
     assert named(candidates.entry_of(called(mesh))) == "gear_mesh 6 (171.31, 24 cycles a turn)"
-    sentence = "backlash 3 or gear_mesh 6 cycles [24]: this data cannot tell"
+    sentence = "backlash 3 or gear_mesh 6 cycles [24]: the data do not decide"
     assert (
-        candidates.spelled(sentence) == "backlash 3 or gear_mesh 6 (24 cycles a turn): this data cannot tell"
+        candidates.spelled(sentence) == "backlash 3 or gear_mesh 6 (24 cycles a turn): the data do not decide"
     )
     command = "armtrue add FIT gear_mesh --joints 6 --option 'cycles=[24]' --out FIT2"
     assert candidates.spelled(command) == command
