@@ -261,7 +261,7 @@ def test_export_omits_custom_time_effect_and_states_its_size(creeping):
     said = exported(creeping)
     (left,) = said["stays_behind"].items()
     assert left[0] == "custom.creep"
-    assert "it reads time" in left[1]["why"]
+    assert "it depends on time" in left[1]["why"]
     assert "measurement: false" in left[1]["why"]
     assert 10.0 < left[1]["effect_um"] < 200.0
     assert not corrections_change_with_time(creeping)
