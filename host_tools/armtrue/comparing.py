@@ -45,7 +45,7 @@ class Comparison:
     def title(self) -> str:
         """The verdict in words."""
         if self.all_fitted:
-            return "Nothing is told: these are the fit's own rows"
+            return "No verdict: these are the fit's own rows"
         return "As expected" if self.figures["verdict"] == "as_expected" else "Worse than expected"
 
     @property
@@ -58,11 +58,11 @@ class Comparison:
             all_rows = "the only row is" if count == 1 else f"all {count} rows are"
             found.append(
                 f"{all_rows} among those that were fitted, and a fit follows its own rows whatever the arm does: "
-                "compare it with poses measured anew"
+                "compare it with newly measured poses"
             )
         elif fitted:
             are = "was fitted and is" if fitted == 1 else "were fitted and are"
-            found.append(f"{fitted} of {count + fitted} rows {are} left out of what follows")
+            found.append(f"{fitted} of {count + fitted} rows {are} left out of the comparison")
         found += [
             f"error on {plural(count, 'row')}: {error_words(figures['error'])}",
             f"expected from poses held out of the fit{_WAYS[figures['expected_by']]}: "
@@ -72,8 +72,8 @@ class Comparison:
             found.append(self.extrapolated)
         if self.elsewhere_um is not None:
             found.append(
-                f"after moving the measuring frame {self.elsewhere_um:.1f} µm stay: the arm is as it was, and base or "
-                "instrument stand elsewhere"
+                f"after moving the measuring frame {self.elsewhere_um:.1f} µm remain: the arm is unchanged, and base "
+                "or instrument were moved"
             )
         return found
 
@@ -185,7 +185,7 @@ def _extrapolated(fit: Fit, data: Dataset, mean_um: float) -> tuple[str, bool]:
     if of_the_fit:
         words += (
             ", so that what is worse may be the fit's own extrapolation; compare a fit without these effects "
-            "('armtrue remove') before anything is said of arm, base or instrument"
+            "('armtrue remove') before you conclude anything about arm, base or instrument"
         )
     return words, of_the_fit
 

@@ -105,14 +105,14 @@ def not_for_a_device(document: dict[str, Any]) -> dict[str, str]:
             continue
         if name in own:
             found[name] = (
-                f"column {', '.join(own[name])} is nothing that a device knows: its average over the measurements is "
+                f"a device does not know column {', '.join(own[name])}: its average over the measurements is "
                 "taken"
             )
         elif "measurement" not in entry and "time" in _read_by(parameter):
             found[name] = (
-                "it reads time, which does not tell the arm from an instrument that creeps, and a device's clock runs "
-                "on: the session's average is taken; where the arm itself moves so, fit it with 'measurement: false' "
-                "beside its name"
+                "it depends on time, where drift of the arm and of the instrument look the same, and a device's clock "
+                "goes on after the session: the session's average is taken; if the arm itself drifts, fit the effect "
+                "with 'measurement: false'"
             )
     return found
 

@@ -160,14 +160,18 @@ class Fit:
         missing = settled | {name: np.full(data.count, FAR_TRAVEL) for name in unknown}
         notes = []
         if settled:
-            notes.append(f"{data.path.name} has no {', '.join(settled)}: joints that settled are taken")
+            notes.append(
+                f"{data.path.name} has no {', '.join(settled)}: the joints are assumed to have settled"
+            )
         if unknown:
-            notes.append(f"{data.path.name} has no {', '.join(unknown)}: joints that came from far are taken")
+            notes.append(
+                f"{data.path.name} has no {', '.join(unknown)}: a long travel since the last reversal is assumed"
+            )
         reflectors = self.document["data"].get("targets", [])
         if len(reflectors) > 1 and "target" not in data.columns:
             notes.append(
-                f"{data.path.name} has no column target: all rows are taken as of '{reflectors[0]}', the first of the "
-                f"fit's reflectors {', '.join(reflectors)}; where they are of another, say so in a column target"
+                f"{data.path.name} has no column target: all rows are assumed to be of '{reflectors[0]}', the first "
+                f"of the fit's reflectors {', '.join(reflectors)}; if they are of another, name it in a column target"
             )
         return missing, [*notes, *self.extrapolated(data)]
 

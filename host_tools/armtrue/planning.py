@@ -109,9 +109,9 @@ class Plan:
             if known["delta_bic_now"] <= -SETTLED < worst:
                 likely, share = known["truth"], _percent(known["delta_bic_now"])
                 sentences.append(
-                    f"Of {likely} and {known['rival']} the measurements are for {likely} already: should the arm have "
-                    f"one of the two, it is this one with {share}, which {self._these().lower()} would hardly change; "
-                    "whether it has either, armtrue diagnose says."
+                    f"The data decide already between {likely} and {known['rival']}: if the arm has one of the two, "
+                    f"it is {likely} with a probability of {share}, which {self._these().lower()} would hardly change; "
+                    "armtrue diagnose states whether the arm has either."
                 )
                 continue
             pair = f"between {entries[0]['truth']} and {entries[0]['rival']}"
@@ -136,7 +136,9 @@ class Plan:
                 words for stem, words in _LEVELS.items() if not any(n.startswith(stem) for n in varied)
             ]
             what_else = (
-                "What may tell and is not varied in them: " + ", ".join([*lacking, "another station"]) + "."
+                "Quantities that may decide and are not varied in them: "
+                + ", ".join([*lacking, "another station"])
+                + "."
             )
         return (
             f"{self._these()} cannot decide {pair}: whichever is the cause is expected to reach a probability "
@@ -152,9 +154,7 @@ class Plan:
             return None
         ratio = self.figures["random_poses_per_planned"]
         if ratio is None:
-            return (
-                "As many random poses hardly tell the unknowns: no number of them compares with these poses."
-            )
+            return "As many random poses hardly determine the unknowns: no number of them equals these poses."
         planned = plural(self.count, "planned pose")
         give = "gives" if self.count == 1 else "give"
         random = round(ratio * self.count)
@@ -445,7 +445,7 @@ def _plan(
             raise InputError(_in_the_fit(found, fit_file)) from None
         if _MEASURED_TORQUE.match(str(error)):
             raise InputError(
-                f"plan: {error}; torques were measured, and of poses not measured yet only masses tell them"
+                f"plan: {error}; torques were measured, and for new poses they can only be computed from masses"
             ) from None
         raise InputError(str(error)) from None
     columns = result.pop("columns")

@@ -51,7 +51,7 @@ def warnings_of_springs(document: dict[str, Any], robot: Robot) -> list[str]:
     # Adding 0 turns −0.0 into 0.0.
     level = [round(float(value), 2) + 0.0 for value in measuring_from_base.T @ STANDARD_GRAVITY]
     return [
-        f"the arm gives way nowhere ({', '.join(deviations)}: found 0 within {_SURE_DEVIATIONS:.0f} standard "
+        f"no joint deflects under load ({', '.join(deviations)}: found 0 within {_SURE_DEVIATIONS:.0f} standard "
         f"deviations), and gravity of robot.yaml, {gravity}, lies {tilt:.0f}° from the measuring frame's −z. "
         f"If the tracker is level (its z is up), give robot.yaml 'gravity: {level}', in the base's axes."
     ]

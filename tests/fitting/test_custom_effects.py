@@ -152,7 +152,7 @@ def test_export_omits_user_column_effect_and_states_its_size(folder):
     assert run_plain.returncode == 0, run_plain.stderr
     (left,) = json.loads((folder / "e.json").read_text())["stays_behind"].items()
     assert left[0] == "custom.airy"
-    assert "column air is nothing that a device knows" in left[1]["why"]
+    assert "a device does not know column air" in left[1]["why"]
     # Half a unit of air times the distance from joint 5 to the tool point.
     assert 10.0 < left[1]["effect_um"] < 150.0
     assert f"{left[1]['effect_um']:.1f} µm" in " ".join(run.stdout.split())
@@ -261,7 +261,7 @@ def test_export_omits_custom_time_effect_and_states_its_size(creeping):
     said = exported(creeping)
     (left,) = said["stays_behind"].items()
     assert left[0] == "custom.creep"
-    assert "it reads time" in left[1]["why"]
+    assert "it depends on time" in left[1]["why"]
     assert "measurement: false" in left[1]["why"]
     assert 10.0 < left[1]["effect_um"] < 200.0
     assert not corrections_change_with_time(creeping)

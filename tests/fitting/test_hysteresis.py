@@ -45,7 +45,7 @@ def test_hysteresis_is_found_and_unordered_poses_assume_long_travel(files: Path)
     arm = armtrue.load_robot(files / "robot.yaml")
     test = armtrue.load_data(files / "test.csv", arm)
     assert "travel2" not in test.columns
-    assert any("joints that came from far" in note for note in fit.assumed(test)[1])
+    assert any("a long travel since the last reversal" in note for note in fit.assumed(test)[1])
     # Most motions are much longer than friction's wind-up.
     off = np.linalg.norm(fit.predict(test) - test.positions_m, axis=1)
     assert np.median(off) < 8e-6

@@ -54,7 +54,7 @@ app = typer.Typer(
     help="""Query and manage a compensator on a bus.
 
 Exit status: 0 done, 1 the device refused or a test failed, 2 bad input (nothing was sent),
-3 the bus or the device did not answer, or wrongly, 130 interrupted,
+3 the bus or the device did not answer, or answered wrongly, 130 interrupted,
 141 the reader of the output closed the pipe.""",
 )
 

@@ -293,13 +293,13 @@ def test_plan_states_whether_poses_or_existing_data_decide():
     assert decision(-2.0, (-8.0, 4.0)).startswith("These 8 poses cannot decide between A and B")
     even = decision(-2.0, (-0.4, -0.2))
     assert even.startswith("These 8 poses cannot decide between A and B: whichever is the cause")
-    assert "What may tell and is not varied in them: payload" in even
+    assert "Quantities that may decide and are not varied in them: payload" in even
     assert decision(-300.0, (-30.0, -25.0)).startswith("These 8 poses decide")
     assert decision(-300.0, (-320.0, 280.0)) == (
-        "Of A and B the measurements are for A already: should the arm have one of the two, it is this one with more "
-        "than 99.9 %, which these 8 poses would hardly change; whether it has either, armtrue diagnose says."
+        "The data decide already between A and B: if the arm has one of the two, it is A with a probability of more "
+        "than 99.9 %, which these 8 poses would hardly change; armtrue diagnose states whether the arm has either."
     )
-    assert "with 99.3 %, which" in decision(-10.0, (-12.0, 8.0))
+    assert "of 99.3 %, which" in decision(-10.0, (-12.0, 8.0))
 
 
 def test_plan_of_one_pose_is_worded_in_the_singular():
@@ -451,7 +451,7 @@ def test_plan_refuses_measured_torques_if_link_masses_are_missing(tmp_path):
     )
     assert run.returncode == 2
     assert "tau2" in run.stderr
-    assert "only masses tell them" in run.stderr
+    assert "only be computed from masses" in run.stderr
     assert len(run.stderr.strip().splitlines()) == 1
 
 

@@ -130,7 +130,7 @@ class _Exporter:
             self.notes.append(f"left out, as it belongs to the measurement: {', '.join(names)}")
         for effect, (why, moves_um) in self.arm.stays_behind.items():
             size = "" if moves_um is None else f" (the effect moves the tool by {moves_um:.1f} µm RMS)"
-            self.notes.append(f"stays behind, in part or whole: {effect}, for {why}{size}")
+            self.notes.append(f"not exported, in part or as a whole: {effect}; {why}{size}")
         return Exported(image, self.notes)
 
     # ---- what goes in
@@ -242,7 +242,7 @@ class _Exporter:
             raise CannotCompileError(
                 f"'{name}' was measured, and robot.yaml gives no masses from which a device could compute it"
             )
-        raise CannotCompileError(f"'{name}' is nothing that a device knows")
+        raise CannotCompileError(f"a device does not know '{name}'")
 
     def _angle_source(self, name: str) -> int | None:
         match = _JOINT_VARIABLE.match(name)

@@ -180,7 +180,7 @@ def _gather(document: dict[str, Any], arm: FittedArm, reflectors: list[str]) -> 
             elif info.role == "custom":
                 skipped[parameter["name"]] = None
             else:
-                behind[effect] = "what it depends on is nothing that a device knows"
+                behind[effect] = "it depends on a quantity that a device does not know"
             continue
         tilts = [_TILT.findall(term["expression"]) for term in parameter["terms"]]
         if tilts and all(tilts):
@@ -195,7 +195,7 @@ def _gather(document: dict[str, Any], arm: FittedArm, reflectors: list[str]) -> 
             text = TRAVEL.sub(f"{FAR_TRAVEL:g}", term["expression"])
             if text != term["expression"]:
                 behind[effect] = (
-                    "a device does not know how far a joint went since it turned, and takes it as far"
+                    "a device does not know the travel of a joint since its last reversal, and assumes a long one"
                 )
             if table and _is_node(text, table):
                 nodes[table["id"], coordinate].append((table, coefficient))

@@ -106,7 +106,7 @@ def test_function_of_two_variables_becomes_a_grid_with_a_note() -> None:
         ("exp(time)", "grows beyond"),
         ("sin(3000*q1)", "cycles a turn"),
         ("q1*1e6", "more than 0.5"),
-        ("qr1", "nothing that a device knows"),
+        ("qr1", "a device does not know 'qr1'"),
     ],
 )
 def test_expression_that_cannot_be_represented_is_refused(text: str, words: str) -> None:

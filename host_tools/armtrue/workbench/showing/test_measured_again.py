@@ -94,10 +94,10 @@ def test_moved_base_is_reported_and_joins_as_a_separate_set_up(engine, rows, tmp
     said = do(engine, "compare")
     fit = engine.session.fit_of(0)
     found = compare(fit, load_data(engine.drop.folder / "later.csv", fit.robot))
-    assert "base or instrument stand elsewhere" in found.sentences[-1]
+    assert "base or instrument were moved" in found.sentences[-1]
     for sentence in found.sentences:
         assert sentence in pieces(engine)["result"]
-    assert "base or instrument stand elsewhere" in said
+    assert "base or instrument were moved" in said
     assert "Let them join as a set-up of their own" in pieces(engine)["result"]
     do(engine, "join")
     assert engine.session.node.effects[-1] == {"effect": "station"}
