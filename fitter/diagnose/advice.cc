@@ -384,9 +384,10 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
                      " a table (transmission_pwl) fine enough for it");
     return;
   }
-  advice.push_back("what is left is more than the " + d.lack_of_fit.against +
-                   " allow and depends on no recorded variable");
-  if (d.lack_of_fit.against == "repeats") {
+  if (d.has_structure())
+    advice.push_back("what is left is more than the " + d.lack_of_fit.against +
+                     " allow and depends on no recorded variable");
+  if (d.has_structure() && d.lack_of_fit.against == "repeats") {
     advice.push_back(
         "repeats agree at one pose and poses do not: either it repeats in a finer pattern than "
         "these poses resolve, or the repeats were taken in one visit and do not show how the arm "
@@ -427,10 +428,6 @@ void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
                      micrometre_words(held_out) + ", noise alone by " +
                      micrometre_words(floor.mean) +
                      ": the model has more freedom than these poses can settle; measure more");
-  } else if (d.probability_nothing < kMoreLikelyThanNot) {
-    advice.push_back(
-        "nothing to add was found, but what is left may be more than noise: measure "
-        "more poses");
   } else {
     advice.push_back("nothing to add: what is left is noise as far as these data can tell");
   }
@@ -440,6 +437,19 @@ void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
     advice.push_back("repeats of one pose differ by far more than the instrument's sigma of " +
                      micrometre_words(instrument) + ": something changes between them");
   }
+}
+
+// Effects that a model keeps although the arm probably lacks them: held-out errors can favour them
+// as stand-ins for an error of another form.
+void advise_superfluous(const Diagnosis& d, std::vector<std::string>& advice) {
+  std::string list;
+  for (const Superfluous& s : d.superfluous) {
+    list += (list.empty() ? "" : ", ") + label(s.request) + " (probability " +
+            number_words(std::round(100.0 * s.probability)) + " %)";
+  }
+  if (!list.empty())
+    advice.push_back("in the fit, but probably not in the arm: " + list +
+                     "; keep it only if held-out errors are larger without it");
 }
 
 }  // namespace
@@ -465,6 +475,7 @@ std::vector<std::string> advise(const Diagnosis& d, const Fit& fit,
     advice.push_back("the file has joint angles in steps of " + d.rounding.words +
                      ", which alone would scatter a joint as much: write more digits");
   }
+  advise_superfluous(d, advice);
   const std::string tables = sentence_of(d.tables);
   if (!tables.empty()) advice.push_back(tables);
   std::string untestable;

@@ -87,6 +87,16 @@ json Diagnosis::to_json(const Fit& fit) const {
                                      {"joints", {gross->joint}},
                                      {"log10_p", gross->log10_p},
                                      {"shape", gross_words(*gross)}});
+  } else if (unnamed && !has_structure()) {
+    for (const Candidate& c : candidates) {
+      if (&c != left_out() && !(c.left_out && c.probability > kMoreLikelyThanNot)) continue;
+      result["unexplained"].push_back(
+          {{"variable", "none recorded"},
+           {"variables", json::array()},
+           {"joints", c.request.joints},
+           {"log10_p", c.log10_p},
+           {"shape", "like " + label(c.request) + ", which held-out poses do not confirm"}});
+    }
   } else if (unnamed) {
     result["unexplained"].push_back(
         {{"variable", "none recorded"},

@@ -56,9 +56,9 @@ bool runs_with_time(const EffectContext& context, const Move& move) {
 
 // The search's diagnosis, for the model with one of its sure effects added: its probabilities are
 // averages over models that nearly all have that effect.
-Diagnosis with_added(const Diagnosis& searched, const Candidate& added,
-                     const EffectContext& context) {
+Diagnosis with_added(const Diagnosis& searched, const Candidate& added, Fit& fit) {
   Diagnosis d = searched;
+  const EffectContext& context = fit.context();
   const std::vector<int>& joints = added.request.joints;
   for (const EffectRequest& part : parts_of(context, as_added(added.request)))
     d.probability_present[label(part)] = added.in_any_form;
@@ -72,9 +72,14 @@ Diagnosis with_added(const Diagnosis& searched, const Candidate& added,
               return std::ranges::find(joints, k) != joints.end();
             }));
   });
-  for (Candidate& c : d.candidates) c.recommend = false;
+  d.nothing_searched = 1.0;
+  for (Candidate& c : d.candidates) {
+    c.recommend = false;
+    if (!c.spanned) d.nothing_searched = std::min(d.nothing_searched, 1.0 - c.in_any_form);
+  }
   const auto next = std::ranges::find_if(d.candidates, is_sure);
   if (next != d.candidates.end()) next->recommend = true;
+  conclude(d, fit, linearize(fit));
   return d;
 }
 
@@ -299,7 +304,7 @@ bool Refinement::accept(const Move& move, const Trial& trial) {
   taken_.insert(model);
   for (const EffectRequest& r : move.removed) gone_.insert(label(r));
   const Diagnosis& before = steps_.back().diagnosis;
-  Diagnosis now = move.added ? with_added(before, *move.added, fit.context()) : before;
+  Diagnosis now = move.added ? with_added(before, *move.added, *trial.fit) : before;
   steps_.push_back({move.added, move.removed, std::move(now), trial.fit});
   return true;
 }
@@ -402,8 +407,7 @@ bool Refinement::explain_structure() {
     fit_trials(trial);
     if (!trial.front().fit) continue;
     const auto explains = [&](const Diagnosis& d) {
-      return d.verdict != Verdict::kUnexplainedStructure &&
-             probability_of_set(d, *move.added) >= kSurely;
+      return !d.has_structure() && probability_of_set(d, *move.added) >= kSurely;
     };
     Refinement beside(trial.front().fit, unseen, observer_, initial_);
     if (!explains(beside.steps_.front().diagnosis)) continue;
