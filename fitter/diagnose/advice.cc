@@ -403,9 +403,9 @@ void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
   constexpr double kWellAbove = 1.5, kFarAbove = 3.0;
   constexpr double kMeanDistance = 1.6;  // mean length of three equal normal errors, in their sigma
   const NoiseFloor& floor = fit.noise_floor();
-  const double held_out = fit.held_out_error().mean;
+  const double held_out = fit.held_out_with_history().errors[0].mean;
   if (advise_direction(d, fit, advice)) return;
-  const bool in_train = fit.train_error().mean > kWellAbove * floor.mean;
+  const bool in_train = fit.train_error_with_history().mean > kWellAbove * floor.mean;
   const bool in_held_out = held_out > kWellAbove * floor.mean;
   if (floor.source == "none" || floor.source == "targets") {
     // A floor from distances between reflectors is the instrument's alone: the arm's own
@@ -476,6 +476,7 @@ std::vector<std::string> advise(const Diagnosis& d, const Fit& fit,
                      ", which alone would scatter a joint as much: write more digits");
   }
   advise_superfluous(d, advice);
+  if (fit.knows_history()) advice.push_back(history_words(fit));
   const std::string tables = sentence_of(d.tables);
   if (!tables.empty()) advice.push_back(tables);
   std::string untestable;

@@ -32,6 +32,19 @@ std::string percent(double share, const char* form = "%.1f %%") {
   return text;
 }
 
+// The mean held-out error with a candidate in the model. The part of the error that the arm's past
+// makes stays, since no prediction knows that past, and so does what a candidate of that kind
+// explains.
+double expected_held_out(const Fit& fit, const Candidate& c) {
+  const double now = fit.held_out_error().mean;
+  const double with_history = fit.held_out_with_history().errors[0].mean;
+  const int joints = fit.robot().joint_count();
+  if (std::ranges::any_of(c.parameters,
+                          [&](const Parameter& p) { return !is_foreseeable(p, joints); }))
+    return now;
+  return std::sqrt(std::max(0.0, now * now - c.score.explained * with_history * with_history));
+}
+
 Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::size_t b) {
   const EvidenceBlock& block = evidence.blocks[b];
   const SearchResult& search = evidence.search;
@@ -72,7 +85,7 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
                                      c.score.degrees, freedom);
   const auto tried = static_cast<double>(evidence.blocks.size());
   c.log10_p = std::min(0.0, c.score.log10_p + std::log10(tried));
-  c.held_out_mean = fit.held_out_error().mean * std::sqrt(1.0 - c.score.explained);
+  c.held_out_mean = expected_held_out(fit, c);
   return c;
 }
 
@@ -305,8 +318,7 @@ void score_alone(const Scorer& scorer, const Fit& fit, std::vector<Candidate>& c
     of_block[i]->score.explained = scores[i].explained;
     of_block[i]->score.gain = scores[i].gain;
     of_block[i]->score.separability = scores[i].separability;
-    of_block[i]->held_out_mean =
-        fit.held_out_error().mean * std::sqrt(1.0 - of_block[i]->score.explained);
+    of_block[i]->held_out_mean = expected_held_out(fit, *of_block[i]);
   }
 }
 

@@ -46,7 +46,9 @@ json Diagnosis::to_json(const Fit& fit) const {
     result["noise_floor_um"] = nullptr;
     result["noise_floor_source"] = "none";
   }
-  result["error"]["cross_validation"] = document["error"]["cross_validation"];
+  for (const char* part : {"cross_validation", "with_history"}) {
+    if (document["error"].contains(part)) result["error"][part] = document["error"][part];
+  }
   result["candidates"] = json::array();
   for (const Candidate& c : candidates) {
     result["candidates"].push_back({{"effect", c.request.effect},

@@ -441,7 +441,8 @@ void Refinement::refine_tables() {
     if (!changed) continue;
     const Growth growth = held_out_growth(fit, *changed, true);
     if (growth.mean > growth.sigma ||
-        changed->held_out_error().mean > (1.0 - kWorthNodes) * fit.held_out_error().mean)
+        changed->held_out_with_history().errors[0].mean >
+            (1.0 - kWorthNodes) * fit.held_out_with_history().errors[0].mean)
       continue;
     show();
     Candidate added;
