@@ -328,8 +328,20 @@ bool is_unlike_noise(const LackOfFit& lack) {
 
 // Probability that nothing is missing, and which candidates are probable only in place of effects
 // of the fit. A recommended candidate is missing even if an effect of the fit stands for it now.
+// If the search was not sure of what held-out poses then refused, the two leave it undecided.
 void weigh_nothing(Diagnosis& d) {
   d.probability_nothing = d.nothing_searched;
+  const auto contradicts = [](const Candidate& c) {
+    return c.left_out && !c.spanned && c.in_any_form >= kSurely;
+  };
+  const bool is_undecided =
+      !d.recommended() && d.left_out() && std::ranges::none_of(d.candidates, contradicts);
+  for (Candidate& c : d.candidates) {
+    if (!is_undecided || !c.left_out) continue;
+    c.probability = std::min(c.probability, kMoreLikelyThanNot);
+    c.in_any_form = std::min(c.in_any_form, kMoreLikelyThanNot);
+    d.probability_nothing = std::max(d.probability_nothing, kMoreLikelyThanNot);
+  }
   const bool represented = d.nothing_searched >= kMoreLikelyThanNot;
   for (Candidate& c : d.candidates) {
     c.instead = represented && !c.spanned && !c.recommend && c.in_any_form > kMoreLikelyThanNot;
