@@ -388,9 +388,10 @@ void advise_structure(const Diagnosis& d, const Fit& fit, std::vector<std::strin
                      " a table (transmission_pwl) fine enough for it");
     return;
   }
-  advice.push_back("the remaining error is larger than the " + d.lack_of_fit.against +
-                   " allow and depends on no recorded variable");
-  if (d.lack_of_fit.against == "repeats") {
+  if (d.has_structure())
+    advice.push_back("the remaining error is larger than the " + d.lack_of_fit.against +
+                     " allow and depends on no recorded variable");
+  if (d.has_structure() && d.lack_of_fit.against == "repeats") {
     advice.push_back(
         "repeats of one pose agree, and residuals of different poses do not: either the error "
         "varies too fast over the joints for these poses, or the repeats were taken without "
@@ -406,9 +407,9 @@ void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
   constexpr double kWellAbove = 1.5, kFarAbove = 3.0;
   constexpr double kMeanDistance = 1.6;  // mean length of three equal normal errors, in their sigma
   const NoiseFloor& floor = fit.noise_floor();
-  const double held_out = fit.held_out_error().mean;
+  const double held_out = fit.held_out_with_history().errors[0].mean;
   if (advise_direction(d, fit, advice)) return;
-  const bool in_train = fit.train_error().mean > kWellAbove * floor.mean;
+  const bool in_train = fit.train_error_with_history().mean > kWellAbove * floor.mean;
   const bool in_held_out = held_out > kWellAbove * floor.mean;
   if (floor.source == "none" || floor.source == "targets") {
     // A floor from distances between reflectors is the instrument's alone: the arm's own
@@ -431,10 +432,6 @@ void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
         "nothing to add was found, but the error on held-out poses is " +
         micrometre_words(held_out) + ", and the noise alone " + micrometre_words(floor.mean) +
         ": these poses do not determine all parameters of the model (overfitting); measure more");
-  } else if (d.probability_nothing < kMoreLikelyThanNot) {
-    advice.push_back(
-        "nothing to add was found, but what is left may be more than noise: measure "
-        "more poses");
   } else {
     advice.push_back("nothing to add: what is left is noise as far as these data can tell");
   }
@@ -444,6 +441,19 @@ void advise_nothing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
     advice.push_back("repeats of one pose differ by far more than the instrument's sigma of " +
                      micrometre_words(instrument) + ": something changes between them");
   }
+}
+
+// Effects that a model keeps although the arm probably lacks them: held-out errors can favour them
+// as stand-ins for an error of another form.
+void advise_superfluous(const Diagnosis& d, std::vector<std::string>& advice) {
+  std::string list;
+  for (const Superfluous& s : d.superfluous) {
+    list += (list.empty() ? "" : ", ") + label(s.request) + " (probability " +
+            number_words(std::round(100.0 * s.probability)) + " %)";
+  }
+  if (!list.empty())
+    advice.push_back("in the fit, but probably not in the arm: " + list +
+                     "; keep it only if held-out errors are larger without it");
 }
 
 }  // namespace
@@ -469,6 +479,8 @@ std::vector<std::string> advise(const Diagnosis& d, const Fit& fit,
     advice.push_back("the file has joint angles in steps of " + d.rounding.words +
                      ", and this rounding alone causes as much scatter: write more digits");
   }
+  advise_superfluous(d, advice);
+  if (fit.knows_history()) advice.push_back(history_words(fit));
   const std::string tables = sentence_of(d.tables);
   if (!tables.empty()) advice.push_back(tables);
   std::string untestable;

@@ -32,6 +32,19 @@ std::string percent(double share, const char* form = "%.1f %%") {
   return text;
 }
 
+// The mean held-out error with a candidate in the model. The part of the error that the arm's past
+// makes stays, since no prediction knows that past, and so does what a candidate of that kind
+// explains.
+double expected_held_out(const Fit& fit, const Candidate& c) {
+  const double now = fit.held_out_error().mean;
+  const double with_history = fit.held_out_with_history().errors[0].mean;
+  const int joints = fit.robot().joint_count();
+  if (std::ranges::any_of(c.parameters,
+                          [&](const Parameter& p) { return !is_foreseeable(p, joints); }))
+    return now;
+  return std::sqrt(std::max(0.0, now * now - c.score.explained * with_history * with_history));
+}
+
 Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::size_t b) {
   const EvidenceBlock& block = evidence.blocks[b];
   const SearchResult& search = evidence.search;
@@ -72,7 +85,7 @@ Candidate make_candidate(const Fit& fit, const EvidenceSummary& evidence, std::s
                                      c.score.degrees, freedom);
   const auto tried = static_cast<double>(evidence.blocks.size());
   c.log10_p = std::min(0.0, c.score.log10_p + std::log10(tried));
-  c.held_out_mean = fit.held_out_error().mean * std::sqrt(1.0 - c.score.explained);
+  c.held_out_mean = expected_held_out(fit, c);
   return c;
 }
 
@@ -152,7 +165,7 @@ void find_spanned(const Scorer& scorer, const Fit& fit, Diagnosis& d) {
     c.spanned = is_part_of_tables(c.block, fit) || scorer.score({c.block}, false).front().spanned;
     if (!c.spanned) continue;
     const double without = 1.0 - c.probability;
-    d.probability_nothing = d.probability_nothing < without ? d.probability_nothing / without : 1.0;
+    d.nothing_searched = d.nothing_searched < without ? d.nothing_searched / without : 1.0;
   }
 }
 
@@ -167,7 +180,7 @@ void recommend(Diagnosis& d) {
   double left_out = 0.0;
   for (const Candidate& c : d.candidates) left_out += c.left_out ? c.probability : 0.0;
   const double nothing_else =
-      std::clamp(1.0 - first->in_any_form, d.probability_nothing, d.probability_nothing + left_out);
+      std::clamp(1.0 - first->in_any_form, d.nothing_searched, d.nothing_searched + left_out);
   first->recommend = nothing_else < kMoreLikelyThanNot || first->in_any_form >= kSurely;
 }
 
@@ -196,10 +209,22 @@ std::string why_improbable(const Candidate& c, const Diagnosis& d) {
                                  std::to_string(parameters);
 }
 
+// The effects of the fit that are improbable, because a candidate is probable in their place.
+std::string replaced_words(const Diagnosis& d) {
+  std::string words;
+  for (const Superfluous& s : d.superfluous)
+    words += (words.empty() ? "" : ", ") + label(s.request);
+  return words.empty() ? "an effect of the fit" : words;
+}
+
 void explain(Diagnosis& d, const Fit& fit) {
   for (Candidate& c : d.candidates) {
-    c.why = c.spanned    ? "the data cannot tell it from what is fitted already"
+    c.why = c.spanned ? "the data cannot tell it from what is fitted already"
+            : c.left_out && c.instead
+                ? "was fitted and left out: in place of an effect of the fit it predicts unseen "
+                  "poses no better"
             : c.left_out ? "was fitted and left out, for it predicts unseen poses no better"
+            : c.instead  ? "probable in place of " + replaced_words(d) + ", not beside it"
             : c.recommend || c.probability > kMoreLikelyThanNot ? evidence_words(c, fit)
             : c.probability > kWorthNaming ? "an alternative, or not surely seen in these data"
             : c.delta_bic < 0.0            ? why_improbable(c, d)
@@ -264,11 +289,11 @@ std::set<std::size_t> weigh(Fit& fit, const Linearization& linearization, const 
   d.noise = evidence.noise;
   d.reading_sigma = evidence.noise.reading * linearization.typical_sigma;
   d.orientation_sigma = evidence.noise.orientation * linearization.sigma_rotation;
-  d.probability_nothing = evidence.search.nothing_missing;
+  d.nothing_searched = evidence.search.nothing_missing;
   d.candidates = make_candidates(fit, evidence);
-  doubt_beside_structure(fit, evidence, d.candidates, d.probability_nothing);
+  doubt_beside_structure(fit, evidence, d.candidates, d.nothing_searched);
   const GridDoubt grid(fit, linearization, evidence);
-  doubt_beside_grid(grid, d.candidates, d.probability_nothing);
+  doubt_beside_grid(grid, d.candidates, d.nothing_searched);
   add_forms(d.candidates);
   rank(d.candidates);
   find_spanned(scorer, fit, d);
@@ -293,8 +318,7 @@ void score_alone(const Scorer& scorer, const Fit& fit, std::vector<Candidate>& c
     of_block[i]->score.explained = scores[i].explained;
     of_block[i]->score.gain = scores[i].gain;
     of_block[i]->score.separability = scores[i].separability;
-    of_block[i]->held_out_mean =
-        fit.held_out_error().mean * std::sqrt(1.0 - of_block[i]->score.explained);
+    of_block[i]->held_out_mean = expected_held_out(fit, *of_block[i]);
   }
 }
 
@@ -302,19 +326,30 @@ bool is_unlike_noise(const LackOfFit& lack) {
   return lack.testable && lack.log10_p < kStructureSignificant;
 }
 
-// Derives the verdict and the advice.
-void conclude(Diagnosis& d, const Fit& fit, const Linearization& linearization) {
-  explain(d, fit);
-  if (d.recommended()) {
-    d.verdict = Verdict::kMissingEffect;
-  } else if (!d.structure.empty() || is_unlike_noise(d.lack_of_fit) || d.gross) {
-    d.verdict = Verdict::kUnexplainedStructure;
-    d.neighbour_ratio = neighbour_ratio(linearization, fit.state());
-    d.probability_nothing = std::min(d.probability_nothing, std::pow(10.0, kStructureSignificant));
-  } else {
-    d.verdict = Verdict::kNothingMissing;
+// Probability that nothing is missing, and which candidates are probable only in place of effects
+// of the fit. A recommended candidate is missing even if an effect of the fit stands for it now.
+// If the search was not sure of what held-out poses then refused, the two leave it undecided.
+void weigh_nothing(Diagnosis& d) {
+  d.probability_nothing = d.nothing_searched;
+  const auto contradicts = [](const Candidate& c) {
+    return c.left_out && !c.spanned && c.in_any_form >= kSurely;
+  };
+  const bool is_undecided =
+      !d.recommended() && d.left_out() && std::ranges::none_of(d.candidates, contradicts);
+  for (Candidate& c : d.candidates) {
+    if (!is_undecided || !c.left_out) continue;
+    c.probability = std::min(c.probability, kMoreLikelyThanNot);
+    c.in_any_form = std::min(c.in_any_form, kMoreLikelyThanNot);
+    d.probability_nothing = std::max(d.probability_nothing, kMoreLikelyThanNot);
   }
-  d.advice = advise(d, fit, linearization);
+  const bool represented = d.nothing_searched >= kMoreLikelyThanNot;
+  for (Candidate& c : d.candidates) {
+    c.instead = represented && !c.spanned && !c.recommend && c.in_any_form > kMoreLikelyThanNot;
+    if (c.recommend || (!represented && !c.spanned && c.probability > kMoreLikelyThanNot))
+      d.probability_nothing = std::min(d.probability_nothing, 1.0 - c.in_any_form);
+  }
+  if (d.has_structure() && !d.recommended())
+    d.probability_nothing = std::min(d.probability_nothing, std::pow(10.0, kStructureSignificant));
 }
 
 // Whether a joint repeats worse than others.
@@ -379,6 +414,10 @@ const Candidate* Diagnosis::left_out() const {
   return found == candidates.end() ? nullptr : &*found;
 }
 
+bool Diagnosis::has_structure() const {
+  return !structure.empty() || is_unlike_noise(lack_of_fit) || gross;
+}
+
 std::span<const StructureFinding> Diagnosis::unexplained() const {
   if (verdict != Verdict::kUnexplainedStructure) return {};
   return structure;
@@ -386,9 +425,22 @@ std::span<const StructureFinding> Diagnosis::unexplained() const {
 
 std::string key_of(const EffectRequest& request) { return label(request) + request.options.dump(); }
 
+// If held-out poses did not confirm the probable candidates, what these follow in the residual is
+// structure without a name.
+void conclude(Diagnosis& d, const Fit& fit, const Linearization& linearization) {
+  weigh_nothing(d);
+  explain(d, fit);
+  d.verdict = d.recommended()                              ? Verdict::kMissingEffect
+              : d.probability_nothing < kMoreLikelyThanNot ? Verdict::kUnexplainedStructure
+                                                           : Verdict::kNothingMissing;
+  if (d.verdict == Verdict::kUnexplainedStructure)
+    d.neighbour_ratio = neighbour_ratio(linearization, fit.state());
+  d.advice = advise(d, fit, linearization);
+}
+
 bool conclude_beside(Diagnosis& d, Fit& fit, const std::set<std::string>& left_out) {
   recommend_beside(d, left_out);
-  if (!d.recommended() && is_unlike_noise(d.lack_of_fit)) return false;
+  if (!d.recommended()) return false;
   conclude(d, fit, linearize(fit));
   return true;
 }

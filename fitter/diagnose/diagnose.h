@@ -40,6 +40,7 @@ struct Candidate {
   bool spanned = false;   ///< fitted columns reproduce its own: it is not missing beside them, but
                           ///< may replace one of them
   bool left_out = false;  ///< was fitted and predicts held-out poses no better
+  bool instead = false;   ///< probable only in place of an effect of the fit: it is not missing
   BlockScore score;       ///< when added to the fit alone
   double log10_p = 0.0;   ///< F test of it alone, corrected for the number of candidates
   bool recommend = false;
@@ -63,7 +64,12 @@ struct Superfluous {
 struct Diagnosis {
   Verdict verdict = Verdict::kNothingMissing;
   std::vector<Candidate> candidates;
-  double probability_nothing = 1.0;  ///< that nothing is missing, in the catalogue or outside it
+  /// That the search finds nothing missing: a candidate in place of an effect of the fit counts as
+  /// none.
+  double nothing_searched = 1.0;
+  /// That nothing is missing, in the catalogue or outside it. At least kMoreLikelyThanNot if and
+  /// only if the verdict is kNothingMissing.
+  double probability_nothing = 1.0;
   std::vector<Superfluous> superfluous;               ///< least probable first
   std::map<std::string, double> probability_present;  ///< of the fit's own effects, by label
   NoiseParts noise;
@@ -82,6 +88,8 @@ struct Diagnosis {
 
   const Candidate* recommended() const;
   const Candidate* left_out() const;  ///< the most probable one that was left out; null: none
+  /// Whether the residual has structure or exceeds noise, whatever candidates say.
+  bool has_structure() const;
   /// Structure that no candidate explains; empty unless the verdict is kUnexplainedStructure.
   std::span<const StructureFinding> unexplained() const;
   nlohmann::json to_json(const Fit& fit) const;
@@ -96,8 +104,12 @@ struct DiagnoseOptions {
   std::set<std::string> left_out;
 };
 
+/// Derives probability_nothing, verdict and advice from the candidates and their recommendation.
+void conclude(Diagnosis& d, const Fit& fit, const Linearization& linearization);
+
 /// Updates recommendation, verdict and advice of `d`, the diagnosis of `fit`, after candidates were
-/// fitted beside it and left out. Returns false if the verdict needs a new diagnosis.
+/// fitted beside it and left out. Returns false if no other candidate is recommended: the verdict
+/// then needs a new diagnosis.
 bool conclude_beside(Diagnosis& d, Fit& fit, const std::set<std::string>& left_out);
 
 /// Key that distinguishes a request from all others of a search: its label and its options.

@@ -46,7 +46,9 @@ json Diagnosis::to_json(const Fit& fit) const {
     result["noise_floor_um"] = nullptr;
     result["noise_floor_source"] = "none";
   }
-  result["error"]["cross_validation"] = document["error"]["cross_validation"];
+  for (const char* part : {"cross_validation", "with_history"}) {
+    if (document["error"].contains(part)) result["error"][part] = document["error"][part];
+  }
   result["candidates"] = json::array();
   for (const Candidate& c : candidates) {
     result["candidates"].push_back({{"effect", c.request.effect},
@@ -87,6 +89,16 @@ json Diagnosis::to_json(const Fit& fit) const {
                                      {"joints", {gross->joint}},
                                      {"log10_p", gross->log10_p},
                                      {"shape", gross_words(*gross)}});
+  } else if (unnamed && !has_structure()) {
+    for (const Candidate& c : candidates) {
+      if (&c != left_out() && !(c.left_out && c.probability > kMoreLikelyThanNot)) continue;
+      result["unexplained"].push_back(
+          {{"variable", "none recorded"},
+           {"variables", json::array()},
+           {"joints", c.request.joints},
+           {"log10_p", c.log10_p},
+           {"shape", "like " + label(c.request) + ", which held-out poses do not confirm"}});
+    }
   } else if (unnamed) {
     result["unexplained"].push_back(
         {{"variable", "none recorded"},

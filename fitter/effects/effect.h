@@ -27,7 +27,7 @@ struct GeometryPriors {
 inline constexpr double kCountedOtherwise = 0.05;
 
 /// Effect::relative_odds of what data sheets state and hardly any arm is exactly: masses, and a
-/// level base. Ours: 4 makes the odds 0.12; from 1 to 10 no campaign without such errors named one.
+/// level base. Ours: 4 makes the odds 0.12.
 inline constexpr double kOnMostArms = 4.0;
 
 /// A spring that a fit has found: where it yields, to which load, and by how much: compliance ·

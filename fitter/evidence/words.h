@@ -4,6 +4,8 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
+#include "fitter/solve/fit.h"
+
 namespace armtrue {
 
 /// Up to six digits, no trailing zeros.
@@ -12,5 +14,7 @@ std::string number_words(double value);
 std::string list_words(const nlohmann::json& values);
 /// "12.3 um" of metres.
 std::string micrometre_words(double metres);
+/// The effects of a fit that depend on the arm's past, and what knowing the past would be worth.
+std::string history_words(const Fit& fit);
 
 }  // namespace armtrue

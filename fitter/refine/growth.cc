@@ -13,7 +13,7 @@ namespace {
 // Errors of predicting each row without having fitted it [m]; not a number where unknown. No fit
 // has seen the rows kept out as gross errors.
 std::vector<double> unseen_distances(const Fit& fit, std::size_t folding) {
-  std::vector<double> distance = fit.held_out_distances_by_row()[folding];
+  std::vector<double> distance = fit.held_out_with_history().distances[folding];
   for (const RejectedRow& r : fit.rejected()) distance[r.row] = r.residual;
   return distance;
 }
@@ -38,8 +38,8 @@ Growth held_out_growth(const Fit& before, const Fit& after, bool in_time) {
     double sum_was = 0.0, sum_is = 0.0;
     std::vector<double> changes;
     for (std::size_t i = 0; i < was.size(); ++i) {
-      const bool fitted = std::isfinite(before.held_out_distances_by_row()[f][i]) ||
-                          std::isfinite(after.held_out_distances_by_row()[f][i]);
+      const bool fitted = std::isfinite(before.held_out_with_history().distances[f][i]) ||
+                          std::isfinite(after.held_out_with_history().distances[f][i]);
       if (!fitted || !std::isfinite(was[i]) || !std::isfinite(is[i])) continue;
       sum_was += was[i];
       sum_is += is[i];

@@ -13,6 +13,10 @@ namespace {
 
 using nlohmann::json;
 
+// Why an improbable effect stays in the model.
+const char* const kWhyKept =
+    "kept: without it unseen poses are predicted worse, or the search asks for it again";
+
 // The effects of a step's model. Those that the refinement added have their probability: of several
 // joints, that of the least probable one. Joints that probably lack the effect have an entry of
 // their own.

@@ -111,9 +111,10 @@ std::unique_ptr<Fit> Fit::run_once(const Robot& robot, const State::Columns& col
       measure_uncertainty(*fit->design_, evaluated, fit->smoothness_.sigma, fit->effective_guess_);
   observer.report(0.7, "held-out errors");
   fit->measure_errors();
-  if (options.cross_validate) fit->held_out_ = fit->predict_held_out(evaluated);
-  fit->noise_floor_ = measure_noise_floor(*fit->design_, fit->train_, fit->effective_unknowns(),
-                                          fit->measurements_.typical_sigma / fit->noise_scale_);
+  if (options.cross_validate) fit->predict_held_out(evaluated);
+  fit->noise_floor_ =
+      measure_noise_floor(*fit->design_, fit->train_with_history_, fit->effective_unknowns(),
+                          fit->measurements_.typical_sigma / fit->noise_scale_);
   fit->context_->springs = springs_of(fit->model_, fit->robot().joint_count());
   fit->context_->carried = carried_of(fit->model_);
   fit->context_->measuring_from_base = fit->kinematics_->base().linear();
@@ -471,29 +472,8 @@ void Fit::fold_base_and_tool() {
   stand_as_fitted();
 }
 
-void Fit::measure_errors() {
-  const std::vector<double> distance = residual_distances(*design_);
-  std::vector<double> kept;
-  for (std::size_t i = 0; i < distance.size(); ++i) {
-    if (design_->weights()[i] > 0.0) kept.push_back(distance[i]);
-  }
-  train_ = summarise(kept);
-  for (RejectedRow& r : rejected_) r.residual = distance[r.row];
-}
-
-CrossValidation Fit::predict_held_out(const EvaluatedRows& evaluated) const {
-  return armtrue::cross_validate(*design_, evaluated, options_.folds, options_.seed,
-                                 smoothness_.sigma);
-}
-
 Eigen::MatrixXd Fit::covariance() const {
   return covariance_of(*design_, smoothness_.sigma, effective_unknowns());
-}
-
-void Fit::cross_validate() {
-  if (options_.cross_validate) return;
-  options_.cross_validate = true;
-  held_out_ = predict_held_out(evaluate_rows(*design_));
 }
 
 }  // namespace armtrue

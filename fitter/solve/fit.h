@@ -102,16 +102,18 @@ class Fit {
   const std::vector<RejectedRow>& rejected() const { return rejected_; }
   /// Covariance of the design's unknowns, computed at each call.
   Eigen::MatrixXd covariance() const;
+  /// Errors of predictions of each row alone, as `predict` makes them.
   const ErrorSummary& train_error() const { return train_; }
   const ErrorSummary& nominal_error() const { return nominal_; }
   const ErrorSummary& held_out_error() const { return held_out_.errors[0]; }
   /// Held out at random, by time, by region.
   const std::vector<ErrorSummary>& held_out_errors() const { return held_out_.errors; }
-  /// Held-out distances at random, by time, by region; by row [m]: not a number for rows that are
-  /// kept out of the fit.
-  const std::vector<std::vector<double>>& held_out_distances_by_row() const {
-    return held_out_.distances;
-  }
+  /// Whether the model has effects of the arm's past (self_heating), which no prediction knows.
+  bool knows_history() const;
+  /// The errors that predictions would have if they knew the arm's past as the measurements do.
+  /// They judge the model; without such effects they are those above.
+  const ErrorSummary& train_error_with_history() const { return train_with_history_; }
+  const CrossValidation& held_out_with_history() const { return held_out_with_history_; }
   double effective_unknowns() const { return uncertainty_.effective_unknowns; }
   const TableEvidence& tables_evidence() const { return uncertainty_.tables; }
   double charge_for_unknowns(double coordinates) const {
@@ -161,7 +163,7 @@ class Fit {
   bool find_gross_errors();
   void fold_base_and_tool();
   void measure_errors();
-  CrossValidation predict_held_out(const EvaluatedRows& evaluated) const;
+  void predict_held_out(const EvaluatedRows& evaluated);
 
   std::shared_ptr<const Prepared> prepared_;
   std::shared_ptr<State> state_;
@@ -185,8 +187,8 @@ class Fit {
   double orientation_inflation_ = 1.0;
   NoiseFloor noise_floor_;
   Uncertainty uncertainty_;
-  ErrorSummary nominal_, train_;
-  CrossValidation held_out_;
+  ErrorSummary nominal_, train_, train_with_history_;
+  CrossValidation held_out_, held_out_with_history_;
 };
 
 }  // namespace armtrue

@@ -94,6 +94,10 @@ json error_json(const Fit& fit) {
       error["cross_validation"] = {{"random", to_json(fit.held_out_errors()[0])},
                                    {"time", to_json(fit.held_out_errors()[1])},
                                    {"region", to_json(fit.held_out_errors()[2])}};
+  if (fit.knows_history()) {
+    error["with_history"] = {{"train", to_json(fit.train_error_with_history())},
+                             {"held_out", to_json(fit.held_out_with_history().errors[0])}};
+  }
   error["folds"] = fit.options().folds;
   error["seed"] = fit.options().seed;
   return error;

@@ -24,7 +24,7 @@ def options_of(entry: dict[str, Any]) -> dict[str, Any]:
     """The options of a candidate (its key `options`), or of a model's effect, which has them among its other keys."""
     if isinstance(options := entry.get("options"), dict):
         return options
-    return {key: value for key, value in entry.items() if key not in ("effect", "joints", "probability")}
+    return {k: value for k, value in entry.items() if k not in ("effect", "joints", "probability", "why")}
 
 
 def model_entry(candidate: Mapping[str, Any]) -> dict[str, Any]:

@@ -65,7 +65,10 @@ class Refinement(dict[str, Any]):
     @property
     def effects(self) -> list[dict[str, Any]]:
         """The effects of the last step as entries of a model; self["effects"] also has probabilities of added ones."""
-        return [{key: entry[key] for key in entry if key != "probability"} for entry in self["effects"]]
+        return [
+            {key: entry[key] for key in entry if key not in ("probability", "why")}
+            for entry in self["effects"]
+        ]
 
     def _repr_html_(self) -> str:
         return notebook.html_table(

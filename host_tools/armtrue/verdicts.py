@@ -111,8 +111,6 @@ def verdict_words(diagnosis: dict[str, Any]) -> str:
     floor = diagnosis.get("noise_floor_um")
     if verdict != "nothing_missing":
         return _WORDS.get(verdict, verdict)
-    if diagnosis.get("probability_nothing", 1.0) < _MORE_LIKELY_THAN_NOT:
-        return "Nothing to add was found, but what is left may be more than noise."
     if floor is None:
         return "Nothing to add was found; whether what is left is noise is not known."
     error = diagnosis.get("error", {})

@@ -268,6 +268,8 @@ def _error_table(document: dict[str, Any]) -> Any:
     # Held-out poses are those held out at random.
     splits = error["held_out_by"].items()
     parts |= {f"  held out by {split}": figures for split, figures in splits if split != "random"}
+    with_history = error.get("with_history", {}).items()
+    parts |= {f"  {PARTS_OF_ERROR[part]}, the arm's past known": figures for part, figures in with_history}
     for name, figures in parts.items():
         if figures:
             table.add_row(name, *error_words(figures), str(figures.get("n", "")))

@@ -82,7 +82,7 @@ def present_added(result: dict[str, Any], output: Output) -> None:
     """Print how probable each effect is that a refinement added."""
     effects = result["effects"]
     lines = [
-        f"{name(entry)}: {chance(entry['probability'])}{_why_kept(entry['probability'])}"
+        f"{name(entry)}: {chance(entry['probability'])}{_in_brackets(entry.get('why'))}"
         for entry in effects
         if "probability" in entry
     ]
@@ -137,11 +137,8 @@ def following(fit_file: Path) -> Path:
     return next(file for file in files if not file.exists())
 
 
-def _why_kept(probability: float) -> str:
-    """Why the model keeps an effect that is more likely absent; empty if it is likely present."""
-    if probability > _MORE_LIKELY_THAN_NOT:
-        return ""
-    return " (kept: without it held-out poses are predicted worse, or the search adds it again)"
+def _in_brackets(reason: str | None) -> str:
+    return f" ({reason})" if reason else ""
 
 
 def floor_words(result: dict[str, Any]) -> str:
