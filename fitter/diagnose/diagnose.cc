@@ -128,9 +128,7 @@ bool is_part_of(const EffectRequest& a, const EffectRequest& b) {
 // in the model. Two effects that are both present are not alternatives.
 void name_confounded(const SearchResult& search, std::vector<Candidate>& candidates) {
   for (Candidate& c : candidates) {
-    if (c.delta_bic > 0.0 ||
-        (c.probability < kWorthNaming && c.delta_bic > kShowsAlone && !c.recommend))
-      continue;
+    if (c.delta_bic > 0.0 || (c.probability < kWorthNaming && c.delta_bic > kShowsAlone)) continue;
     for (const Candidate& other : candidates) {
       const std::string name = label(other.request);
       if (&other == &c || is_part_of(other.request, c.request) || name == label(c.request) ||
@@ -169,18 +167,30 @@ void find_spanned(const Scorer& scorer, const Fit& fit, Diagnosis& d) {
   }
 }
 
+// Probability that a candidate or one of its alternatives is present: they share it.
+double probability_of_either(const Diagnosis& d, const Candidate& c) {
+  double sum = c.in_any_form;
+  for (const Candidate& other : d.candidates) {
+    const bool stands_for_it =
+        std::ranges::find(c.confounded_with, label(other.request)) != c.confounded_with.end();
+    if (stands_for_it && !other.spanned && !other.left_out) sum += other.probability;
+  }
+  return std::min(1.0, sum);
+}
+
 // Recommends the first candidate if something is probably missing, or if it is almost certain and
 // would replace an effect that an earlier search added; with less certainty the earlier one stays.
 // The probability that nothing else is missing includes that of left-out candidates, but is no
-// larger than what the first candidate leaves, since left-out ones may be present beside it.
+// larger than what the first candidate and its alternatives leave, since left-out ones may be
+// present beside it.
 void recommend(Diagnosis& d) {
   const auto first = std::ranges::find_if(
       d.candidates, [](const Candidate& c) { return !c.spanned && !c.left_out; });
   if (first == d.candidates.end()) return;
   double left_out = 0.0;
   for (const Candidate& c : d.candidates) left_out += c.left_out ? c.probability : 0.0;
-  const double nothing_else =
-      std::clamp(1.0 - first->in_any_form, d.nothing_searched, d.nothing_searched + left_out);
+  const double nothing_else = std::clamp(1.0 - probability_of_either(d, *first), d.nothing_searched,
+                                         d.nothing_searched + left_out);
   first->recommend = nothing_else < kMoreLikelyThanNot || first->in_any_form >= kSurely;
 }
 
@@ -298,8 +308,8 @@ std::set<std::size_t> weigh(Fit& fit, const Linearization& linearization, const 
   rank(d.candidates);
   find_spanned(scorer, fit, d);
   describe_present(fit, evidence, grid, d);
-  recommend_beside(d, options.left_out);
   name_confounded(evidence.search, d.candidates);
+  recommend_beside(d, options.left_out);
   return improbable_findings(evidence);
 }
 

@@ -7,7 +7,8 @@ namespace armtrue {
 namespace {
 
 // An effect below this share of the squares that the search's largest effect (tables aside)
-// explains may be an artefact of linearising without the latter: it waits for the next search.
+// explains may be an artefact of linearising without the latter: it waits for the next search. So
+// does one that explains nothing alone.
 constexpr double kBeyondSecondOrder = 0.02;
 
 // A table of one joint is added together with equally probable ones of other joints: what each
@@ -53,8 +54,9 @@ std::vector<Move> moves_of(const Diagnosis& d) {
     sure.push_back(&c);
     if (!is_table(c)) most = std::max(most, c.gain_beside);
   }
-  std::erase_if(sure,
-                [&](const Candidate* c) { return c->gain_beside < kBeyondSecondOrder * most; });
+  std::erase_if(sure, [&](const Candidate* c) {
+    return c->gain_beside < kBeyondSecondOrder * most || (c != best && c->delta_bic > 0.0);
+  });
   std::stable_sort(sure.begin(), sure.end(), [](const Candidate* a, const Candidate* b) {
     return std::pair{is_table(*a), -a->gain_beside} < std::pair{is_table(*b), -b->gain_beside};
   });
