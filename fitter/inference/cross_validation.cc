@@ -146,7 +146,8 @@ std::vector<int> make_folds(const Design& design, Folding folding, int folds, st
 std::vector<std::vector<double>> held_out_distances(const Design& design,
                                                     const EvaluatedRows& evaluated,
                                                     const std::vector<std::vector<int>>& foldings,
-                                                    int folds, double smoothness_sigma) {
+                                                    int folds, double smoothness_sigma,
+                                                    const std::vector<Eigen::Index>& unforeseen) {
   NormalEquations total = accumulate(design, evaluated);
   const Eigen::VectorXd data = total.information.diagonal();
   const std::vector<double> values = design.unknown_values();
@@ -174,7 +175,8 @@ std::vector<std::vector<double>> held_out_distances(const Design& design,
     const std::vector<bool> unseen = unseen_unknowns(design, data, own);
     own.information = total.information - own.information;
     const ScaledCholesky factor(std::move(own.information));
-    const Eigen::VectorXd step = -factor.solve(total.gradient - own.gradient);
+    Eigen::VectorXd step = -factor.solve(total.gradient - own.gradient);
+    for (const Eigen::Index u : unforeseen) step[u] = -values[static_cast<std::size_t>(u)];
     for (const std::size_t r : rows) {
       const Design::Row& row = evaluated.rows[r];
       if (std::any_of(row.unknowns.begin(), row.unknowns.end(),
@@ -190,14 +192,15 @@ std::vector<std::vector<double>> held_out_distances(const Design& design,
 }
 
 CrossValidation cross_validate(const Design& design, const EvaluatedRows& evaluated, int folds,
-                               std::uint64_t seed, double smoothness_sigma) {
+                               std::uint64_t seed, double smoothness_sigma,
+                               const std::vector<Eigen::Index>& unforeseen) {
   std::vector<std::vector<int>> foldings{make_folds(design, Folding::kTime, folds, seed),
                                          make_folds(design, Folding::kRegion, folds, seed)};
   const std::size_t splits = random_splits(design);
   for (std::size_t s = 0; s < splits; ++s)
     foldings.push_back(make_folds(design, Folding::kRandom, folds, seed + s));
   const std::vector<std::vector<double>> distances =
-      held_out_distances(design, evaluated, foldings, folds, smoothness_sigma);
+      held_out_distances(design, evaluated, foldings, folds, smoothness_sigma, unforeseen);
   std::vector<double> at_random(design.rows(), 0.0);
   for (std::size_t i = 0; i < at_random.size(); ++i) {
     for (std::size_t s = 0; s < splits; ++s)

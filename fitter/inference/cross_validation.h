@@ -27,11 +27,12 @@ std::vector<int> make_folds(const Design& design, Folding folding, int folds, st
 ///
 /// Each of these fits is one exact Gauss–Newton step from the full solution, with the fold's part
 /// subtracted from JᵀJ and Jᵀr. The model is nearly linear in its parameters, so the difference
-/// from refitting is far below the held-out errors.
-std::vector<std::vector<double>> held_out_distances(const Design& design,
-                                                    const EvaluatedRows& evaluated,
-                                                    const std::vector<std::vector<int>>& foldings,
-                                                    int folds, double smoothness_sigma);
+/// from refitting is far below the held-out errors. The unknowns `unforeseen` are fitted, so that
+/// no other takes their place, and count as zero in the prediction.
+std::vector<std::vector<double>> held_out_distances(
+    const Design& design, const EvaluatedRows& evaluated,
+    const std::vector<std::vector<int>>& foldings, int folds, double smoothness_sigma,
+    const std::vector<Eigen::Index>& unforeseen = {});
 
 /// Errors on poses that were held out at random, in blocks of time, and by region, in this order.
 /// Those at random are averages over several splits if there are few poses.
@@ -41,7 +42,8 @@ struct CrossValidation {
   std::vector<std::vector<double>> distances = std::vector<std::vector<double>>(3);
 };
 CrossValidation cross_validate(const Design& design, const EvaluatedRows& evaluated, int folds,
-                               std::uint64_t seed, double smoothness_sigma);
+                               std::uint64_t seed, double smoothness_sigma,
+                               const std::vector<Eigen::Index>& unforeseen = {});
 
 /// Distance [m] between measured and predicted position of every row, at the design's present
 /// values.

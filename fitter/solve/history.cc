@@ -1,26 +1,8 @@
 #include "fitter/solve/history.h"
 
-#include <algorithm>
-#include <cmath>
-#include <utility>
-
-#include "fitter/common/parallel.h"
 #include "fitter/solve/fit.h"
 
 namespace armtrue {
-namespace {
-
-// The fit without one fold: a Gauss–Newton step from the full solution, as in held_out_distances().
-Eigen::VectorXd step_without(const std::vector<const Design::Row*>& fold, const Design& design,
-                             const NormalEquations& total) {
-  NormalEquations own(design.unknowns());
-  own.add(fold, design.residuals_per_row());
-  own.information = total.information - own.information;
-  const ScaledCholesky factor(std::move(own.information));
-  return -factor.solve(total.gradient - own.gradient);
-}
-
-}  // namespace
 
 Unforeseen unforeseen_in(const Design& design) {
   Unforeseen result;
@@ -46,48 +28,6 @@ std::vector<double> distances_without(const Unforeseen& unforeseen, Design& desi
   return distances;
 }
 
-CrossValidation cross_validate_without(const Unforeseen& unforeseen, const CrossValidation& known,
-                                       const Design& design, const EvaluatedRows& evaluated,
-                                       int folds, std::uint64_t seed, double smoothness_sigma) {
-  NormalEquations total = accumulate(design, evaluated);
-  const std::vector<double> present = design.unknown_values();
-  for (const PenaltyRow& penalty : penalty_rows(design, smoothness_sigma))
-    total.add(penalty, present);
-  CrossValidation result = known;
-  for (const Folding folding : {Folding::kRandom, Folding::kTime, Folding::kRegion}) {
-    const auto f = static_cast<std::size_t>(folding);
-    const std::vector<int> fold_of_row = make_folds(design, folding, folds, seed);
-    in_parallel(static_cast<std::size_t>(folds), [&](std::size_t fold) {
-      std::vector<std::size_t> rows;
-      std::vector<const Design::Row*> own;
-      for (std::size_t r = 0; r < evaluated.rows.size(); ++r) {
-        if (fold_of_row[evaluated.index[r]] != static_cast<int>(fold)) continue;
-        rows.push_back(r);
-        own.push_back(&evaluated.rows[r]);
-      }
-      Eigen::VectorXd change = step_without(own, design, total);
-      for (const Eigen::Index u : unforeseen.unknowns)
-        change[u] = -present[static_cast<std::size_t>(u)];
-      for (const std::size_t r : rows) {
-        double& distance = result.distances[f][evaluated.index[r]];
-        if (!std::isfinite(distance)) continue;
-        const Design::Row& row = evaluated.rows[r];
-        Eigen::Vector3d error = row.residual.head<3>();
-        for (std::size_t u = 0; u < row.unknowns.size(); ++u) {
-          error +=
-              row.jacobian.block<3, 1>(0, static_cast<Eigen::Index>(u)) * change[row.unknowns[u]];
-        }
-        const std::size_t i = evaluated.index[r];
-        const Eigen::Matrix3d whiten =
-            std::sqrt(design.weights()[i]) * design.measurements().whiten_position[i];
-        distance = (whiten.inverse() * error).norm();
-      }
-    });
-    result.errors[f] = summarise_finite(result.distances[f]);
-  }
-  return result;
-}
-
 void Fit::measure_errors() {
   const std::vector<double> distance = residual_distances(*design_);
   const Unforeseen unforeseen = unforeseen_in(*design_);
@@ -105,12 +45,13 @@ void Fit::measure_errors() {
 }
 
 void Fit::predict_held_out(const EvaluatedRows& evaluated) {
-  held_out_with_history_ = held_out_ = armtrue::cross_validate(*design_, evaluated, options_.folds,
-                                                               options_.seed, smoothness_.sigma);
+  const auto validate = [&](const std::vector<Eigen::Index>& unforeseen) {
+    return armtrue::cross_validate(*design_, evaluated, options_.folds, options_.seed,
+                                   smoothness_.sigma, unforeseen);
+  };
+  held_out_with_history_ = held_out_ = validate({});
   const Unforeseen unforeseen = unforeseen_in(*design_);
-  if (unforeseen.unknowns.empty()) return;
-  held_out_ = cross_validate_without(unforeseen, held_out_with_history_, *design_, evaluated,
-                                     options_.folds, options_.seed, smoothness_.sigma);
+  if (!unforeseen.unknowns.empty()) held_out_ = validate(unforeseen.unknowns);
 }
 
 void Fit::cross_validate() {

@@ -17,11 +17,4 @@ Unforeseen unforeseen_in(const Design& design);
 /// values with the unforeseen parameters at zero.
 std::vector<double> distances_without(const Unforeseen& unforeseen, Design& design);
 
-/// As `known`, the result of cross_validate() with these arguments, for predictions without the
-/// unforeseen parameters. They are fitted nevertheless, so that no other parameter takes their
-/// place.
-CrossValidation cross_validate_without(const Unforeseen& unforeseen, const CrossValidation& known,
-                                       const Design& design, const EvaluatedRows& evaluated,
-                                       int folds, std::uint64_t seed, double smoothness_sigma);
-
 }  // namespace armtrue
