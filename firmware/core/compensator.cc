@@ -429,7 +429,8 @@ void Compensator::take_back_of(std::uint8_t joints) {
   if (blend_ms_ == 0) return;  // no table yet, and no scale
   const auto known = static_cast<std::uint32_t>(kFeedbackHistory - 1);
   const std::uint32_t count = std::min(cycles, known);
-  const std::int32_t held = history_[(cycle_ - 1 - count) % kFeedbackHistory][joint];
+  const std::uint32_t before = cycle_ - count - 1U;
+  const std::int32_t held = history_[before % kFeedbackHistory][joint];
   for (std::uint32_t age = 1; age <= count; ++age) {
     history_[(cycle_ - age) % kFeedbackHistory][joint] = held;
   }

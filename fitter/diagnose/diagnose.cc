@@ -167,30 +167,28 @@ void find_spanned(const Scorer& scorer, const Fit& fit, Diagnosis& d) {
   }
 }
 
-// Probability that a candidate or one of its alternatives is present: they share it.
-double probability_of_either(const Diagnosis& d, const Candidate& c) {
-  double sum = c.in_any_form;
-  for (const Candidate& other : d.candidates) {
-    const bool stands_for_it =
-        std::ranges::find(c.confounded_with, label(other.request)) != c.confounded_with.end();
-    if (stands_for_it && !other.spanned && !other.left_out) sum += other.probability;
+// Probability that no candidate is present, apart from those that were left out. Candidates count
+// as independent: of two that stand for one another, one is more probably present than that.
+double probability_of_no_other(const Diagnosis& d) {
+  double none = 1.0;
+  for (const Candidate& c : d.candidates) {
+    if (!c.spanned && !c.left_out && c.probability >= kWorthNaming) none *= 1.0 - c.probability;
   }
-  return std::min(1.0, sum);
+  return none;
 }
 
 // Recommends the first candidate if something is probably missing, or if it is almost certain and
 // would replace an effect that an earlier search added; with less certainty the earlier one stays.
 // The probability that nothing else is missing includes that of left-out candidates, but is no
-// larger than what the first candidate and its alternatives leave, since left-out ones may be
-// present beside it.
+// larger than what the other candidates leave, since left-out ones may be present beside them.
 void recommend(Diagnosis& d) {
   const auto first = std::ranges::find_if(
       d.candidates, [](const Candidate& c) { return !c.spanned && !c.left_out; });
   if (first == d.candidates.end()) return;
   double left_out = 0.0;
   for (const Candidate& c : d.candidates) left_out += c.left_out ? c.probability : 0.0;
-  const double nothing_else = std::clamp(1.0 - probability_of_either(d, *first), d.nothing_searched,
-                                         d.nothing_searched + left_out);
+  const double nothing_else =
+      std::clamp(probability_of_no_other(d), d.nothing_searched, d.nothing_searched + left_out);
   first->recommend = nothing_else < kMoreLikelyThanNot || first->in_any_form >= kSurely;
 }
 

@@ -31,9 +31,9 @@ constexpr double kExplainsStructure = 0.8;
 constexpr std::size_t kLookedThrough = 60;
 // Held-out errors of two models that agree within this share are equal.
 constexpr double kSameError = 1e-3;
-// Two fits of one model are equal if their noise agrees within this share. Chance moves the noise
-// of a few hundred poses by more.
-constexpr double kSettledNoise = 0.01;
+// Two fits of one model are equal if their noise agrees within this share: a diagnosis of the other
+// then rounds to the same probabilities.
+constexpr double kSettledNoise = 1e-5;
 constexpr int kSettlingPasses = 3;
 
 // Whether an effect is a function of time.

@@ -8,9 +8,9 @@ bool InlineOutput::may_send() {
   return !is_held_up_;
 }
 
-InlineOutput::Sent InlineOutput::send(std::span<const SetAssembler::Held> frames,
-                                      const CycleOutput& output, std::uint32_t axes) {
-  Sent sent;
+InlineOutput::SentSet InlineOutput::send(std::span<const SetAssembler::Held> frames,
+                                         const CycleOutput& output, std::uint32_t axes) {
+  SentSet sent;
   if (downstream_ == nullptr) return sent;
   bool refused = !may_send();
   for (const SetAssembler::Held& held : frames) {

@@ -25,14 +25,14 @@ class InlineOutput {
   // What was sent before does not count any more.
   void forget_sent() { stops_.forget(); }
 
-  struct Sent {
+  struct SentSet {
     std::size_t frames = 0;   // that the bus took, in the order of arrival
     std::uint8_t unsent = 0;  // bit k: the target of axis k is in a frame that it refused
   };
   // Sends the frames of a set. Their targets of `axes` (bit k: axis k) are replaced by those of
   // `output`; all other bytes stay.
-  Sent send(std::span<const SetAssembler::Held> frames, const CycleOutput& output,
-            std::uint32_t axes);
+  SentSet send(std::span<const SetAssembler::Held> frames, const CycleOutput& output,
+               std::uint32_t axes);
 
   // Passes on the stop command in a target frame if its drive was sent another one last, or `again`
   // is set. Returns false if the bus refused it.

@@ -262,7 +262,7 @@ void JointPath::publish() {
 bool JointPath::release(std::uint64_t now_us) {
   if (mode_ == Mode::kInline) {
     const std::span<const SetAssembler::Held> frames = sets_.frames();
-    const InlineOutput::Sent sent = inline_output_.send(frames, output_, axes_with_drives());
+    const InlineOutput::SentSet sent = inline_output_.send(frames, output_, axes_with_drives());
     for (std::size_t k = sent.frames; k < frames.size(); ++k) count(counters_.output_refused);
     is_refused_ = inline_output_.is_held_up() || sent.frames < frames.size();
     unsent_ = sent.unsent;
