@@ -429,10 +429,10 @@ void Compensator::take_back_of(std::uint8_t joints) {
   if (blend_ms_ == 0) return;  // no table yet, and no scale
   const auto known = static_cast<std::uint32_t>(kFeedbackHistory - 1);
   const std::uint32_t count = std::min(cycles, known);
-  const std::uint32_t before = cycle_ - count - 1U;
-  const std::int32_t held = history_[before % kFeedbackHistory][joint];
-  for (std::uint32_t age = 1; age <= count; ++age) {
-    history_[(cycle_ - age) % kFeedbackHistory][joint] = held;
+  const std::uint32_t oldest = cycle_ - count;
+  const std::int32_t held = history_[(oldest - 1) % kFeedbackHistory][joint];
+  for (std::uint32_t cycle = oldest; cycle != cycle_; ++cycle) {
+    history_[cycle % kFeedbackHistory][joint] = held;
   }
   change([&](Motion& motion) {
     motion.increments[joint] = held;

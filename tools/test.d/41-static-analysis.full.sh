@@ -1,7 +1,7 @@
 # cppcheck with its MISRA addon, and clang-tidy, on the code that devices run. Findings fail, except those listed in
 # firmware/cppcheck-deviations.txt. (clang-tidy uses the compile commands of step 36.)
 shipped_sources() {
-  ls firmware/core/*.cc firmware/core/*/*.cc firmware/storage/*.cc firmware/canopen/*/*.cc firmware/ports/common/*.cc \
+  ls firmware/core/*.cc firmware/core/*/*.cc firmware/storage/*.cc firmware/canopen/*/*.cc firmware/canopen/*/*/*.cc firmware/ports/common/*.cc \
     firmware/ports/stm32f405/*.cc firmware/ports/arm/*.cc firmware/ports/posix/*.cc |
     grep -vE '_test\.cc|/soak|/senseless|_main\.cc|/transfer_sizes|/semihosting|/conformance'
 }
