@@ -433,8 +433,8 @@ std::span<const StructureFinding> Diagnosis::unexplained() const {
 
 std::string key_of(const EffectRequest& request) { return label(request) + request.options.dump(); }
 
-// If held-out poses did not confirm the probable candidates, what these follow in the residual is
-// structure without a name.
+// If probable candidates were fitted and held-out poses did not confirm them, the residual has a
+// structure that no effect of the catalogue explains.
 void conclude(Diagnosis& d, const Fit& fit, const Linearization& linearization) {
   weigh_nothing(d);
   explain(d, fit);

@@ -100,7 +100,8 @@ Scorer::Scorer(const Fit& fit, const Linearization& linearization)
 }
 
 std::vector<BlockScore> Scorer::score(const std::vector<Block>& blocks, bool robust) const {
-  // Batches of blocks: one matrix product serves many, and a batch stays in the processor's cache.
+  // One matrix product serves a batch of blocks. A batch has about kBatchNumbers numbers, so that
+  // many rows do not take much memory.
   constexpr Eigen::Index kMostColumns = 256, kFewestColumns = 48, kBatchNumbers = 1 << 20;
   const Eigen::Index columns_of_batch =
       std::clamp(kBatchNumbers / l_.equations(), kFewestColumns, kMostColumns);

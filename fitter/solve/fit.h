@@ -102,7 +102,7 @@ class Fit {
   const std::vector<RejectedRow>& rejected() const { return rejected_; }
   /// Covariance of the design's unknowns, computed at each call.
   Eigen::MatrixXd covariance() const;
-  /// Errors of predictions of each row alone, as `predict` makes them.
+  /// Errors of predictions that use nothing but the row itself, as those of `predict` do.
   const ErrorSummary& train_error() const { return train_; }
   const ErrorSummary& nominal_error() const { return nominal_; }
   const ErrorSummary& held_out_error() const { return held_out_.errors[0]; }

@@ -83,14 +83,14 @@ std::vector<Eigen::Index> places_in(const Design& whole, const Design& part) {
 
 // Parameters that no prediction contains, with their bases replaced by constants: the root mean
 // square over the measurements. Like the measured poses, a new one has an unknown history.
-struct UnforeseenPart {
+struct Unforeseen {
   Model model;
   Eigen::VectorXd values;       // fitted; zero in `model`
   Eigen::MatrixXd correlation;  // of the parameters' bases over the measurements
 };
 
-UnforeseenPart unforeseen_part(const Fit& fit) {
-  UnforeseenPart part;
+Unforeseen unforeseen_part(const Fit& fit) {
+  Unforeseen part;
   const auto rows = static_cast<Eigen::Index>(fit.state().rows());
   Eigen::MatrixXd courses(rows, 0);
   for (Parameter p : fit.model().parameters) {
@@ -117,7 +117,7 @@ UnforeseenPart unforeseen_part(const Fit& fit) {
 // Covariance of products of coefficient and basis, both uncertain, in units of the bases' root mean
 // squares. `covariance`: of the fit's unknowns, among which the parameters have `places`, or −1 if
 // they are held.
-Eigen::MatrixXd spread_of(const UnforeseenPart& part, const Eigen::MatrixXd& covariance,
+Eigen::MatrixXd spread_of(const Unforeseen& part, const Eigen::MatrixXd& covariance,
                           const std::vector<Eigen::Index>& places) {
   Eigen::MatrixXd spread = part.values * part.values.transpose();
   for (Eigen::Index i = 0; i < spread.rows(); ++i) {
@@ -319,7 +319,7 @@ std::vector<Eigen::Matrix3d> predicted_position_covariance(const Fit& fit,
   const std::vector<Eigen::Index> places = places_in(whole.design, design);
   const Eigen::MatrixXd covariance =
       covariance_of(whole.design, fit.smoothness_sigma(), fit.effective_unknowns());
-  const UnforeseenPart unforeseen = unforeseen_part(fit);
+  const Unforeseen unforeseen = unforeseen_part(fit);
   Design of_history(state, rows, unforeseen.model, fit.kinematics());
   const Eigen::MatrixXd by_history =
       spread_of(unforeseen, covariance, places_in(whole.design, of_history));

@@ -28,12 +28,12 @@ def test_held_out_errors_are_the_same_in_any_order_of_rows(tmp_path: Path) -> No
 
 
 def test_several_splits_tell_nearly_the_same_whatever_their_seed(tmp_path: Path) -> None:
-    # Of one split of 60 poses each, the means of these seeds spread by 5 %.
+    # Seeds so far apart share no split. With one split each, the means spread by 2.2 %.
     simulate({"arm": "kr30", "seed": 5, "poses": 60, "test_poses": 0, "hidden": []}, tmp_path)
     robot = load_robot(tmp_path / "robot.yaml")
     model = load_model(tmp_path / "model.yaml", robot)
     data = load_data(tmp_path / "data.csv", robot)
     means = [
-        fit(data, robot, model, seed=s).document["error"]["held_out"]["mean_um"] for s in range(0, 48, 6)
+        fit(data, robot, model, seed=s).document["error"]["held_out"]["mean_um"] for s in range(0, 96, 12)
     ]
-    assert np.std(means) < 0.02 * np.mean(means)
+    assert np.std(means) < 0.0125 * np.mean(means)
