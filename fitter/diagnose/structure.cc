@@ -442,7 +442,8 @@ Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold)
   // other effects take their place.
   for (std::optional<StructureFinding> finding :
        {find_new_set_up(scorer, fit), find_knock(scorer, fit), find_swings(scorer, fit.state()),
-        find_motion(scorer, fit.state()), find_uneven_spring(scorer, fit)}) {
+        find_motion(scorer, fit.state()), find_uneven_spring(scorer, fit),
+        find_curved_heat(scorer, fit)}) {
     if (!finding) continue;
     const bool is_cause = finding->tried > 0;
     finding->log10_p = log10_p_among(finding->score, is_cause ? finding->tried : structure.tried);

@@ -66,6 +66,11 @@ std::optional<StructureFinding> find_motion(const Scorer& scorer, const State& s
 /// not given.
 std::optional<StructureFinding> find_uneven_spring(const Scorer& scorer, const Fit& fit);
 
+/// Finds the joint whose zero changes with the square of a temperature: the likeliest. A gear that
+/// is warmer than its sensor looks nearly the same. Leaves `log10_p` to the caller. Returns nothing
+/// if no temperature was recorded.
+std::optional<StructureFinding> find_curved_heat(const Scorer& scorer, const Fit& fit);
+
 /// Tests all variables of the data. Findings have a corrected log10 p below `threshold`.
 Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold);
 

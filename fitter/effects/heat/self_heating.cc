@@ -69,7 +69,7 @@ class SelfHeating final : public Effect {
   std::vector<EffectRequest> candidates(const EffectContext& context) const override {
     std::vector<EffectRequest> result;
     for (int k = 1; k <= context.joint_count(); ++k) {
-      for (const double tau : {500.0, 1000.0, 2000.0, 4000.0}) {
+      for (const double tau : {500.0, 700.0, 1000.0, 1400.0, 2000.0, 2800.0, 4000.0}) {
         if (has_duty(context, k)) {
           result.push_back({id(), {k}, {{"tau", tau}}});
           continue;
