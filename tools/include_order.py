@@ -23,6 +23,8 @@ ORDER = [
     ["fitter/solve"],
     ["fitter/evidence/search"],
     ["fitter/evidence"],
+    ["fitter/diagnose/scoring"],
+    ["fitter/diagnose/causes"],
     ["firmware/canopen/motion", "firmware/canopen/sdo", "firmware/canopen/table", "fitter/diagnose"],
     ["firmware/canopen/node", "fitter/plan", "fitter/refine"],
     ["firmware/ports/common", "fitter/python"],

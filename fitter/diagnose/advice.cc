@@ -8,6 +8,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "fitter/diagnose/causes/causes.h"
 #include "fitter/diagnose/diagnose.h"
 #include "fitter/diagnose/line_advice.h"
 #include "fitter/evidence/blocks.h"

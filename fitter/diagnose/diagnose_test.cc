@@ -9,7 +9,7 @@
 #include <set>
 #include <tuple>
 
-#include "fitter/diagnose/scorer.h"
+#include "fitter/diagnose/scoring/scorer.h"
 #include "fitter/diagnose/spectrum.h"
 #include "fitter/diagnose/structure.h"
 #include "fitter/refine/growth.h"

@@ -7,6 +7,7 @@
 #include <optional>
 #include <set>
 
+#include "fitter/diagnose/causes/causes.h"
 #include "fitter/effects/tables.h"
 
 namespace armtrue {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "fitter/diagnose/scorer.h"
+#include "fitter/diagnose/scoring/finding.h"
 #include "fitter/evidence/linearization.h"
 #include "fitter/evidence/noise.h"
 
@@ -16,60 +16,10 @@ namespace armtrue {
 struct Candidate;
 struct EvidenceSummary;
 
-/// A nonparametric block: a smooth function of one or two variables on one coordinate.
-struct StructureFinding {
-  std::vector<std::string> variables;  ///< "q2", "payload" …
-  std::vector<int> joints;             ///< joints of the variables and of the coordinate, 1-based
-  std::string coordinate;              ///< where it acts: "motor3"
-  Block block;
-  BlockScore score;
-  double log10_p = 0.0;       ///< corrected for the number of blocks tried
-  double cost = 0.0;          ///< BIC with it minus without, in its best form
-  std::string shape;          ///< in words
-  bool has_own_form = false;  ///< its block is weighed as it is, not as a smooth function
-  std::size_t nodes = 0;      ///< over its variable, if more than usual; 0: the usual number
-  std::size_t tried = 0;      ///< of a cause of its own: alternatives to it; 0: an unknown cause
-  std::vector<double> x,
-      y;  ///< the fitted function over the first variable [rad or m], for drawing
-};
-
 struct Structure {
   std::vector<StructureFinding> findings;  ///< significant ones, best first
   std::size_t tried = 0;
 };
-
-/// Finds the likeliest step in time: of the base (a knocked tracker), of all reflectors or one
-/// (taken out and put back), or of the load. Leaves `log10_p` to the caller. Returns nothing if a
-/// smooth change over time of the same coordinates explains clearly more, or if no time was
-/// recorded, or if the base stepped in a pause (find_new_set_up).
-std::optional<StructureFinding> find_knock(const Scorer& scorer, const Fit& fit);
-
-/// A step of the base in one of the pauses of an hour or more, in which the instrument may have
-/// been set up anew: the likeliest, however small. A drift over two sessions looks the same.
-/// Returns nothing if there was no such pause, or if a column `station` names the set-ups.
-std::optional<StructureFinding> find_new_set_up(const Scorer& scorer, const Fit& fit);
-
-/// True where a column `payload` has more than one value.
-bool payload_varies(const State& state);
-
-/// Finds a base that swings many times in a session (air conditioning, the sun between clouds): the
-/// likeliest course over time on one axis. Leaves `log10_p` to the caller. Returns nothing if the
-/// best course has only a few swings, or if no time was recorded.
-std::optional<StructureFinding> find_swings(const Scorer& scorer, const State& state);
-
-/// Finds the joint whose error follows the direction of its motion from row to row, among joints
-/// whose direction of approach is not recorded. Leaves `log10_p` to the caller.
-std::optional<StructureFinding> find_motion(const Scorer& scorer, const State& state);
-
-/// Finds the joint whose spring is softer at some of its angles than at others, once or twice a
-/// turn: the likeliest. Leaves `log10_p` to the caller. Returns nothing if the arm's masses are
-/// not given.
-std::optional<StructureFinding> find_uneven_spring(const Scorer& scorer, const Fit& fit);
-
-/// Finds the joint whose zero changes with the square of a temperature: the likeliest. A gear that
-/// is warmer than its sensor looks nearly the same. Leaves `log10_p` to the caller. Returns nothing
-/// if no temperature was recorded.
-std::optional<StructureFinding> find_curved_heat(const Scorer& scorer, const Fit& fit);
 
 /// Tests all variables of the data. Findings have a corrected log10 p below `threshold`.
 Structure find_structure(const Scorer& scorer, const Fit& fit, double threshold);

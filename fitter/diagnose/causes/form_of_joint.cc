@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <numbers>
 
-#include "fitter/diagnose/structure.h"
+#include "fitter/diagnose/causes/causes.h"
 #include "fitter/effects/effect.h"
 
 namespace armtrue {

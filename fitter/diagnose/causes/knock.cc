@@ -2,7 +2,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "fitter/diagnose/structure.h"
+#include "fitter/diagnose/causes/causes.h"
 #include "fitter/effects/effect.h"
 #include "fitter/effects/tables.h"
 

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "fitter/diagnose/structure.h"
+#include "fitter/diagnose/causes/causes.h"
 #include "fitter/effects/effect.h"
 #include "fitter/effects/tables.h"
 

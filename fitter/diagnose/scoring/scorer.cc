@@ -1,4 +1,4 @@
-#include "fitter/diagnose/scorer.h"
+#include "fitter/diagnose/scoring/scorer.h"
 
 #include <algorithm>
 #include <cmath>
