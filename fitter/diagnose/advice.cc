@@ -59,25 +59,25 @@ std::string how_to_tell(const Candidate& a, const Candidate& b, int joints) {
   return "armtrue plan chooses poses that separate them best";
 }
 
-// "joint 2: 8, 16.1, 24 cycles a turn", "joint 1: 20 mm": the highest peaks of a joint's spectrum,
-// at most three, strongest first.
-std::string periods_of(const JointSpectrum& spectrum) {
+// "joint 2: 8, 16.1, 24 cycles a turn", "joint 1: 20 mm": the highest peaks of a joint's spectrum
+// that are no chance, at most three, strongest first.
+std::string periods_of(const JointSpectrum& spectrum, std::size_t rows) {
   constexpr double kLowestOfATurn = 2.5, kWorthNaming = 0.01;
   const double kLowest = spectrum.slides ? 2.0 * spectrum.resolution : kLowestOfATurn;
   std::vector<std::pair<double, double>> peaks;
   for (std::size_t i = 1; i + 1 < spectrum.power.size(); ++i) {
     const bool top =
         spectrum.power[i] >= spectrum.power[i - 1] && spectrum.power[i] > spectrum.power[i + 1];
-    if (top && spectrum.cycles[i] > kLowest && spectrum.power[i] > kWorthNaming) {
+    if (top && spectrum.cycles[i] > kLowest && spectrum.power[i] > kWorthNaming &&
+        is_no_chance(spectrum, spectrum.power[i], rows))
       peaks.emplace_back(spectrum.power[i], spectrum.cycles[i]);
-    }
   }
   std::sort(peaks.rbegin(), peaks.rend());
   std::string list;
   for (std::size_t k = 0; k < peaks.size() && k < 3; ++k) {
     char number[16];
     const double cycles = peaks[k].second;
-    std::snprintf(number, sizeof number, "%.3g", spectrum.slides ? 1e3 / cycles : cycles);
+    std::snprintf(number, sizeof number, "%.4g", spectrum.slides ? 1e3 / cycles : cycles);
     list += (list.empty() ? "" : ", ") + std::string(number);
   }
   return list.empty() ? ""
@@ -85,12 +85,13 @@ std::string periods_of(const JointSpectrum& spectrum) {
                             (spectrum.slides ? " mm" : " cycles a turn");
 }
 
-void advise_periods(const Diagnosis& d, const Candidate& table, std::vector<std::string>& advice) {
+void advise_periods(const Diagnosis& d, const Candidate& table, std::size_t rows,
+                    std::vector<std::string>& advice) {
   std::string all;
   for (const JointSpectrum& spectrum : d.spectra) {
     const auto& joints = table.request.joints;
     if (std::find(joints.begin(), joints.end(), spectrum.joint) == joints.end()) continue;
-    const std::string periods = periods_of(spectrum);
+    const std::string periods = periods_of(spectrum, rows);
     if (!periods.empty()) all += (all.empty() ? "" : "; ") + periods;
   }
   if (!all.empty()) {
@@ -140,11 +141,13 @@ std::string advise_rival(const Candidate& best, const Candidate& other, int join
   return text + (settled ? "" : how);
 }
 
-void advise_missing(const Diagnosis& d, const Robot& robot, std::vector<std::string>& advice) {
+void advise_missing(const Diagnosis& d, const Fit& fit, std::vector<std::string>& advice) {
+  const Robot& robot = fit.robot();
   const Candidate& best = *d.recommended();
   advice.push_back("add it: " + command_to_add(best.request));
   std::ranges::move(line_advice(best.request, d.spectra, robot), std::back_inserter(advice));
-  if (find_effect(best.request.effect).generic()) advise_periods(d, best, advice);
+  if (find_effect(best.request.effect).generic())
+    advise_periods(d, best, fit.state().rows(), advice);
   for (const Candidate& other : d.candidates) {
     if (&other == &best) continue;
     const auto& set = best.confounded_with;
@@ -470,7 +473,7 @@ std::vector<std::string> advise(const Diagnosis& d, const Fit& fit,
         " %) was fitted and left out, because it does not lower the error on held-out "
         "poses: a wrong column, an effect outside the catalogue or chance may look like it");
   }
-  if (d.verdict == Verdict::kMissingEffect) advise_missing(d, fit.robot(), advice);
+  if (d.verdict == Verdict::kMissingEffect) advise_missing(d, fit, advice);
   if (d.verdict == Verdict::kUnexplainedStructure) advise_structure(d, fit, advice);
   if (d.verdict == Verdict::kNothingMissing && !left_out) advise_nothing(d, fit, advice);
   // With unexplained structure, the noise figures contain more than noise.

@@ -21,8 +21,6 @@ constexpr double kWorthNaming = 0.02;
 constexpr double kStructureSignificant = -5.0;
 // Another candidate is an alternative to a candidate from this share of its gain.
 constexpr double kSameExplanation = 0.9;
-// A spectrum's highest line is accepted if noise makes one as high with less than this probability.
-constexpr double kChanceOfLine = 1e-3;
 // A rival that keeps this share of its gain beside a candidate is an effect of its own.
 constexpr double kIndependentShare = 0.5;
 
@@ -378,13 +376,8 @@ bool has_line_in_scatter(const std::vector<JointSpectrum>& spectra, const NoiseP
                          std::size_t rows) {
   return std::ranges::any_of(spectra, [&](const JointSpectrum& spectrum) {
     const auto joint = static_cast<std::size_t>(spectrum.joint - 1);
-    if (!stands_out(noise, joint) || spectrum.power.empty()) return false;
-    // In white noise, a line explains more than `most` of the squares with probability
-    // (1 − most)^((rows − 3)/2) (Scargle 1982, ApJ 263, 835, for residuals of unknown variance).
-    const double most = std::min(*std::ranges::max_element(spectrum.power), 1.0 - 1e-12);
-    const double lines = static_cast<double>(spectrum.power.size());
-    return 0.5 * (static_cast<double>(rows) - 3.0) * std::log1p(-most) <
-           std::log(kChanceOfLine / lines);
+    return stands_out(noise, joint) && !spectrum.power.empty() &&
+           is_no_chance(spectrum, *std::ranges::max_element(spectrum.power), rows);
   });
 }
 

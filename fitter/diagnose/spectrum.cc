@@ -13,6 +13,8 @@ constexpr double kMostCycles = 600.0;
 constexpr double kUnknownRatioCycles = 300.0;
 constexpr double kWideCycles = 1200.0;
 constexpr double kOversampling = 4.0;
+// A line of a spectrum is accepted if noise makes one as high with less than this probability.
+constexpr double kChanceOfLine = 1e-3;
 constexpr double kLeastTurned = 0.2;  // [rad]
 // Waves over a sliding joint's travel: from half of one to a thousand, which keeps a spectrum short
 // enough to draw; no screw has a lead below 2 mm.
@@ -239,6 +241,14 @@ std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum,
         {spectrum.joint, cycles, power.share, power.amplitude, scatter_of(series, power.share)});
   }
   return peaks;
+}
+
+bool is_no_chance(const JointSpectrum& spectrum, double power, std::size_t rows) {
+  // In white noise, a line explains more than `power` of the squares with probability
+  // (1 − power)^((rows − 3)/2) (Scargle 1982, ApJ 263, 835, for residuals of unknown variance).
+  const double lines = static_cast<double>(spectrum.power.size());
+  return 0.5 * (static_cast<double>(rows) - 3.0) * std::log1p(-std::min(power, 1.0 - 1e-12)) <
+         std::log(kChanceOfLine / lines);
 }
 
 bool is_told_from(const SpectralPeak& peak, double cycles, const Linearization& linearization,

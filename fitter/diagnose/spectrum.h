@@ -52,6 +52,9 @@ std::vector<SpectralPeak> highest_peaks(const JointSpectrum& spectrum,
                                         const Linearization& linearization, const State& state,
                                         std::size_t count);
 
+/// Whether noise in so many rows would hardly have a line of this power in the whole spectrum.
+bool is_no_chance(const JointSpectrum& spectrum, double power, std::size_t rows);
+
 /// Whether the residual distinguishes a line of `cycles` from a peak of the same joint.
 bool is_told_from(const SpectralPeak& peak, double cycles, const Linearization& linearization,
                   const State& state);
