@@ -17,7 +17,7 @@ from armtrue.tables.builder import Builder, CannotCompileError, Harmonics, Value
 from armtrue.tables.compiler import Compiler, int_exponent
 from armtrue.tables.fitted import FittedArm, Grid
 from armtrue.tables.fixedpoint import mantissa_and_shift, to_fixed
-from armtrue.tables.gravity_sets import GravitySets
+from armtrue.tables.gravity_sets import GravitySets, gravity_variable
 from armtrue.tables.layout import Section, State
 from armtrue.tables.reference import Reference, Surroundings
 
@@ -192,7 +192,7 @@ class _Exporter:
             columns = reference.state(poses, Surroundings({}, payload=np.full(len(poses), payload)))
             self._samples = columns
             for name in self.arm.variables():
-                if not self.gravity.is_gravity(name) or name not in columns:
+                if gravity_variable(name) is None or name not in columns:
                     continue
                 low, high = self._ranges.get(name, (0.0, 0.0))
                 column = _TORQUE_MARGIN * columns[name]
@@ -272,7 +272,8 @@ class _Exporter:
                         dict.fromkeys(self.arm.effects.get((coordinate, text), []))
                     )
             for tree, coefficient in merged.items():
-                if tree.op == "variable" and self.gravity.is_regressor(tree.name):
+                variable = gravity_variable(tree.name)
+                if variable is not None and variable.is_regressor:
                     regressors[coordinate][tree.name] = coefficient
                 elif coefficient != 0.0:
                     others.append((coordinate, tree, coefficient))
@@ -482,6 +483,7 @@ class _Exporter:
             for row, column in np.argwhere(self.chain.coupling != 0.0)
             if row != column
         ]
+        states = list(self.builder.states.items())
         nodes = [self.builder.nodes[i] for i in node_order]
         data = bytes(self.builder.data)
         content: list[tuple[Section, list[bytes]]] = [
@@ -490,10 +492,7 @@ class _Exporter:
             (Section.COUPLING, coupling),
             (
                 Section.STATE,
-                [
-                    layout.STATE.pack(s.kind, s.index, s.mass_set, s.fraction)
-                    for s in (self.builder.states[i] for i in self._state_order())
-                ],
+                [layout.STATE.pack(*states[i][0], states[i][1].fraction) for i in self._state_order()],
             ),
             (
                 Section.SENSORS,
@@ -524,26 +523,25 @@ class _Exporter:
 
     def _state_order(self) -> list[int]:
         """Constant ones (ONE first), then joint positions, then gravity by mass set: each set is summed once."""
-        states = self.builder.states
+        states = list(self.builder.states)
         return sorted(
-            range(len(states)), key=lambda i: (layout.state_class(states[i].kind), i != 0, states[i].mass_set)
+            range(len(states)), key=lambda i: (layout.state_class(states[i][0]), i != 0, states[i][2])
         )
 
     def _node_order(self) -> list[int]:
         """Constant ones first, then those that steep terms need, then the rest; every node follows its inputs."""
         needed = self.builder.nodes_read_by([value for _, value, _, steep in self.builder.terms if steep])
-        nodes = self.builder.nodes
 
         def part(i: int) -> int:
-            return 0 if nodes[i].is_constant else 1 if i in needed else 2
+            return 0 if i in self.builder.constant_nodes else 1 if i in needed else 2
 
-        order = sorted(range(len(nodes)), key=part)
+        order = sorted(range(len(self.builder.nodes)), key=part)
         self._constant_nodes = sum(part(i) == 0 for i in order)
         self._steep_nodes = sum(part(i) <= 1 for i in order)
         return order
 
     def _terms(self, slot: Any) -> list[bytes]:
-        def part(term: tuple[int, Value, float, bool]) -> int:
+        def part(term: tuple[int, Value, int, bool]) -> int:
             return 0 if term[1].is_constant else 1 if term[3] else 2
 
         one = self.builder.one()
@@ -551,8 +549,7 @@ class _Exporter:
         self._constant_terms = sum(part(term) == 0 for term in terms)
         self._steep_terms = sum(part(term) <= 1 for term in terms)
         return [
-            self.builder.term_record(coordinate, value, coefficient, slot(value))
-            for coordinate, value, coefficient, _ in terms
+            layout.TERM.pack(coordinate, 0, slot(value), mantissa) for coordinate, value, mantissa, _ in terms
         ]
 
     def _transform(self, matrix: Array) -> tuple[list[int], list[int]]:

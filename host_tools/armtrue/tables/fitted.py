@@ -20,7 +20,6 @@ from armtrue.io.catalogue import catalogue
 from armtrue.io.columns import FAR_TRAVEL, TRAVEL
 from armtrue.tables import expression
 from armtrue.tables.chain import Chain, chain_from_robot, pose
-from armtrue.tables.expression import Tree
 
 # Variables that are a load per radian of the base's rotation about an axis (docs/model.md).
 _TILT = re.compile(r"\btilt[xy]?_[0-9]+_([xyz])\b")
@@ -225,25 +224,19 @@ def _is_node(text: str, table: dict[str, Any]) -> bool:
     axes = [axis for axis in table["axes"] if len(axis["nodes"]) > 1]
     if not axes or len(axes) != len(table["axes"]):
         return False
-    factors = _factors(expression.parse(text))
-    if len(factors) != len(axes):
+    number, factors = expression.factors(expression.parse(text))
+    if number != 1.0 or len(factors) != len(axes):
         return False
-    for factor, axis, index in zip(factors, axes, table["index"], strict=True):
+    for (factor, exponent), axis, index in zip(factors, axes, table["index"], strict=True):
         nodes = axis["nodes"]
         # Beyond the ends a node's hat falls to zero over the width of the outermost cell, as the firmware's tables do.
         padded = [nodes[0] - (nodes[1] - nodes[0]), *nodes, nodes[-1] + (nodes[-1] - nodes[-2])]
         hat = padded[index : index + 3]
-        if factor.op != "hat" or factor.args[0].name != axis["variable"]:
+        if factor.op != "hat" or exponent != 1 or factor.args[0].name != axis["variable"]:
             return False
         if [argument.value for argument in factor.args[1:]] != hat:
             return False
     return True
-
-
-def _factors(tree: Tree) -> list[Tree]:
-    if tree.op == "multiply":
-        return [*_factors(tree.args[0]), *_factors(tree.args[1])]
-    return [tree]
 
 
 def _grid(name: str, coordinate: str, entries: list[tuple[dict[str, Any], float]]) -> Grid:

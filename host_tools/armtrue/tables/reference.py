@@ -5,7 +5,6 @@ docs/model.md gives every formula. Vectorised over poses with NumPy; shares no c
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -17,9 +16,8 @@ from armtrue.io.rotation import matrix_from_rotation_vector
 from armtrue.tables import expression, layout
 from armtrue.tables.chain import Chain
 from armtrue.tables.fitted import FittedArm
-from armtrue.tables.layout import COMPONENTS
-
-_REGRESSOR = re.compile(r"^u(x|y)?_(\d+)_(\d+)_([mxyz])$|^up(x|y)?_(\d+)$")
+from armtrue.tables.gravity_sets import Reading, gravity_variable
+from armtrue.tables.layout import COMPONENTS, State
 
 # The inverse stops at steps below this [rad, m]; away from singularities it needs four.
 _CONVERGED_M = 1e-13
@@ -151,10 +149,6 @@ class Reference:
         """Nominal base_from_tool (N, 4, 4) with the fitted tool."""
         return self.chain.tool_poses(motor, self.flange_from_tool)
 
-    def inverse(self, target: Array, around: Surroundings, rotation_length_m: float | None = None) -> Array:
-        """The joints of `solve`."""
-        return self.solve(target, around, rotation_length_m).joints
-
     def solve(self, target: Array, around: Surroundings, rotation_length_m: float | None = None) -> Solved:
         """Motor-side joints (N, n) at which the real tool is where nominal kinematics puts it for `target`.
 
@@ -226,7 +220,7 @@ class Reference:
     def newton_joints(
         self, target: Array, around: Surroundings, rotation_length_m: float | None = None
     ) -> Array:
-        """As `inverse`, by Newton's method with unbounded steps: only for the limits of an export.
+        """As `solve`, by Newton's method with unbounded steps: only for the limits of an export.
 
         Away from singularities the result is the same. Near them it diverges, which makes an export's limits generous:
         with the bounded steps of `solve` they would be a third tighter on some arms, and a device would clamp more.
@@ -310,49 +304,49 @@ class Reference:
         return frames, current
 
     def _add_gravity(self, columns: dict[str, Array], names: set[str], standing: Standing) -> None:
-        chain, frames, point = self.chain, standing.frames, standing.payload
-        rows = point.shape[0]
-        if chain.masses is not None and chain.coms is not None:
+        known: dict[tuple[int, str] | None, tuple[Array, Array]] = {}
+        for name in names:
+            variable = gravity_variable(name)
+            if variable is None or (variable.unit is None and self.chain.masses is None):
+                continue
+            if variable.unit not in known:
+                masses = self._masses(variable.unit, columns["payload"], standing.payload)
+                known[variable.unit] = gravity_moments(self.chain.gravity, standing.frames, *masses)
+            columns[name] = self._gravity_of(known[variable.unit], standing.frames, variable.reading)
+
+    def _masses(self, unit: tuple[int, str] | None, payload: Array, point: Array) -> tuple[Array, Array]:
+        """Masses (N, n) and mass moments (N, n, 3) of a gravity variable's `unit`."""
+        chain, rows = self.chain, payload.size
+        if unit is None:
+            assert chain.masses is not None
+            assert chain.coms is not None
             masses = np.tile(chain.masses, (rows, 1))
             moments = np.tile(chain.masses[:, None] * chain.coms, (rows, 1, 1))
-            masses[:, -1] += columns["payload"]
-            moments[:, -1] += columns["payload"][:, None] * point
-            arm_moments = gravity_moments(chain.gravity, frames, masses, moments)
-            for kind, prefix in enumerate(("tau", "gmx", "gmy")):
-                for k in range(chain.joint_count):
-                    columns[f"{prefix}{k + 1}"] = self._gravity_of(arm_moments, frames, kind, k + 1)
-            columns["bmx"] = self._gravity_of(arm_moments, frames, 1, 0)
-            columns["bmy"] = self._gravity_of(arm_moments, frames, 2, 0)
-        for name in names:
-            match = _REGRESSOR.match(name)
-            if match is None:
-                continue
-            masses, moments = np.zeros((rows, chain.joint_count)), np.zeros((rows, chain.joint_count, 3))
-            if match[6] is not None:
-                masses[:, -1], moments[:, -1] = 1.0, point
-                kind, joint = _kind(match[5]), int(match[6])
-            else:
-                link = int(match[3]) - 1
-                if match[4] == "m":
-                    masses[:, link] = 1.0
-                else:
-                    moments[:, link, "xyz".index(match[4])] = 1.0
-                kind, joint = _kind(match[1]), int(match[2])
-            unit = gravity_moments(chain.gravity, frames, masses, moments)
-            columns[name] = self._gravity_of(unit, frames, kind, joint)
+            masses[:, -1] += payload
+            moments[:, -1] += payload[:, None] * point
+            return masses, moments
+        masses, moments = np.zeros((rows, chain.joint_count)), np.zeros((rows, chain.joint_count, 3))
+        link, component = unit
+        if component in ("m", "p"):
+            masses[:, link] = 1.0
+        if component == "p":
+            moments[:, link] = point
+        elif component != "m":
+            moments[:, link, "xyz".index(component)] = 1.0
+        return masses, moments
 
-    def _gravity_of(self, moments: tuple[Array, Array], frames: list[Array], kind: int, joint: int) -> Array:
-        """Torque (kind 0) on motor joint `joint`, or moment x (1), y (2) about frame `joint`; joint 0 is the base."""
+    def _gravity_of(self, moments: tuple[Array, Array], frames: list[Array], reading: Reading) -> Array:
         about_origin, force = moments
-        if joint == 0:
+        axis = 0 if reading.kind in (State.BASE_MOMENT_X, State.MOMENT_X) else 1
+        if reading.kind in (State.BASE_MOMENT_X, State.BASE_MOMENT_Y):
             at_base = about_origin[:, 0] + np.cross(frames[0][:, :3, 3], force[:, 0])
-            return np.asarray(at_base[:, kind - 1])
-        if kind != 0:
-            axis = frames[joint - 1][:, :3, kind - 1]
-            return np.asarray(np.einsum("ni,ni->n", axis, about_origin[:, joint - 1]))
+            return np.asarray(at_base[:, axis])
+        if reading.kind is not State.TORQUE:
+            return np.asarray(
+                np.einsum("ni,ni->n", frames[reading.joint][:, :3, axis], about_origin[:, reading.joint])
+            )
         total = np.zeros(force.shape[0])
-        for k in range(self.chain.joint_count):
-            ratio = self.chain.coupling[k, joint - 1]
+        for k, ratio in enumerate(self.chain.coupling[:, reading.joint]):
             if ratio != 0.0:
                 acting = force[:, k] if self.chain.prismatic[k] else about_origin[:, k]
                 total += ratio * np.einsum("ni,ni->n", frames[k][:, :3, 2], acting)
@@ -414,10 +408,6 @@ def coordinates_moved(chain: Chain, last_from_tool: Array, rotation_length_m: fl
     tool = (frames[-1] @ last_from_tool)[:, :3, 3]
     slope = _weighed(tool_jacobian(chain, frames, tool), rotation_length_m)
     return int(np.linalg.matrix_rank(slope, tol=_MOVES * chain.reach_m).max())
-
-
-def _kind(letter: str | None) -> int:
-    return {None: 0, "x": 1, "y": 2}[letter]
 
 
 def gravity_moments(
