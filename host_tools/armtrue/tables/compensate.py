@@ -16,7 +16,7 @@ from armtrue.extrapolation import duration
 from armtrue.io import Dataset, Robot, load_data
 from armtrue.io.files import read_json
 from armtrue.tables import fixed
-from armtrue.tables.fitted import FittedArm, digest_of, fitted_arm
+from armtrue.tables.fitted import FittedArm, fitted_arm
 from armtrue.tables.image import Image
 from armtrue.tables.reference import Reference, Surroundings, coordinates_moved
 from armtrue.tables.remainder import Remainder, remainder
@@ -99,22 +99,27 @@ def compensate(
     the drives' increments. Columns that `poses` lacks take neutral values, and a note says so. Errors: InputError.
     """
     image = Image.load(tables)
-    document = _made_from(tables, fit, image)
+    document: dict[str, Any] = {}
+    arm: FittedArm | None = None
+    try:
+        document, arm = _made_from(tables, fit, image)
+    except (InputError, ValueError, RecursionError, AttributeError, KeyError, TypeError):
+        if engine is Engine.DOUBLE:
+            raise
     robot = _robot_of(image, document)
     data = load_data(poses, robot, need_position=False)
     joints = data.joints
     clock = _Clock.of(document)
     around, notes = _surroundings(image, data, clock)
     tool = _tool_numbers(image, data)
-    if engine is Engine.FIXED:
-        corrected, more = _fixed(image, joints, around, tool)
+    if engine is Engine.DOUBLE and arm is not None:
+        corrected, more = _double(image, arm, joints, around, tool)
     else:
-        corrected, more = _double(image, _fitted(tables, fit, image), joints, around, tool)
+        corrected, more = _fixed(image, joints, around, tool)
     notes += more
     if quantise:
         per_unit = np.array([joint.increments for joint in image.joints()])
         corrected = joints + np.round((corrected - joints) * per_unit) / per_unit
-    arm = _arm_of(document)
     kept = None if arm is None else remainder(arm, data.rows, (joints, corrected), around, tool)
     if engine is Engine.FIXED:  # the double engine notes the remaining error itself
         words = _unknown(tables, fit) if kept is None else kept.words()
@@ -137,20 +142,20 @@ def _is_beyond(joints: Array, limits: Array) -> NDArray[np.bool_]:
     return np.asarray((joints < limits[:, 0]) | (joints > limits[:, 1]))
 
 
-def _made_from(tables: Path, fit: Path | None, image: Image) -> dict[str, Any]:
-    """The document of the fit that a table was made from; empty where it is missing or of another fit."""
-    try:
-        document = read_json(fit or sidecar(tables), _LARGEST_FIT_BYTES, "a fit.json")
-        return dict(document) if digest_of(document) == image.header["fit_digest"] else {}
-    except (InputError, ValueError, RecursionError, AttributeError, KeyError, TypeError):
-        return {}
-
-
-def _arm_of(document: dict[str, Any]) -> FittedArm | None:
-    try:
-        return fitted_arm(document, "fit.json") if document else None
-    except (InputError, ValueError, AttributeError):
-        return None
+def _made_from(tables: Path, fit: Path | None, image: Image) -> tuple[dict[str, Any], FittedArm]:
+    """The fit that a table was made from. Errors: InputError where it is missing, no fit or another one."""
+    place = sidecar(tables) if fit is None else fit
+    if fit is None and not place.is_file():
+        raise InputError(
+            f"{place}: found no such file, expected the fit that {tables.name} was made from; give it with --fit"
+        )
+    document = read_json(place, _LARGEST_FIT_BYTES, "a fit.json")
+    if not isinstance(document, dict):
+        raise InputError(f"{place}: found no fit, expected a fit.json")
+    arm = fitted_arm(document, place)
+    if arm.digest != image.header["fit_digest"]:
+        raise InputError(f"{place}: found another fit than the one that {tables} was made from")
+    return document, arm
 
 
 def _unknown(tables: Path, fit: Path | None) -> str:
@@ -233,21 +238,6 @@ def _double(
     return corrected, [f"{count} of {len(joints)} poses do not reach their target, {words} are left: {why}"]
 
 
-def _fitted(tables: Path, fit: Path | None, image: Image) -> FittedArm:
-    place = sidecar(tables) if fit is None else fit
-    if fit is None and not place.is_file():
-        raise InputError(
-            f"{place}: found no such file, expected the fit that {tables.name} was made from; give it with --fit"
-        )
-    document = read_json(place, _LARGEST_FIT_BYTES, "a fit.json")
-    if not isinstance(document, dict):
-        raise InputError(f"{place}: found no fit, expected a fit.json")
-    arm = fitted_arm(document, place)
-    if arm.digest != image.header["fit_digest"]:
-        raise InputError(f"{place}: found another fit than the one that {tables} was made from")
-    return arm
-
-
 def _robot_of(image: Image, document: dict[str, Any]) -> Robot:
     """The part of robot.yaml that is needed to read poses; couplings by the controller are known only from the fit."""
     joints = [
@@ -290,15 +280,8 @@ class _Clock:
         """The clock of the fit in `document`, as predict reads it: without an origin it begins at 0."""
         if not document:
             return _Clock(None)
-        try:
-            last = float(document["data"]["ranges"]["time"][1])
-        except (KeyError, IndexError, TypeError, ValueError):  # fits by older versions have no ranges
-            last = None
-        return _Clock(float(document.get("time_origin_s", 0.0)), last)
-
-    def since_first(self, times: Array) -> Array:
-        """Seconds since the first fitted measurement; 0 before it, as a device's time begins at 0."""
-        return np.maximum(times - (self.first or 0.0), 0.0)
+        ranges = document.get("data", {}).get("ranges", {})  # fits by older versions have none
+        return _Clock(float(document.get("time_origin_s", 0.0)), ranges.get("time", [None])[-1])
 
     def notes(self, times: Array, file: str) -> list[str]:
         """How `times` of POSES are read, and how many of them are outside the fitted session."""
@@ -345,7 +328,8 @@ def _surroundings(image: Image, data: Dataset, clock: _Clock) -> tuple[Surroundi
     around = Surroundings(
         {name: columns[f"temp_{name}"] for name in image.sensors() if f"temp_{name}" in columns},
         columns.get("payload"),
-        None if times is None else clock.since_first(times),
+        # A device's time begins at 0, at the first fitted measurement.
+        None if times is None else np.maximum(times - (clock.first or 0.0), 0.0),
         direction,
     )
     return around, notes

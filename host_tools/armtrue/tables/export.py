@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import zlib
 from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -51,7 +53,6 @@ class ExportOptions:
     increments: tuple[float, ...] | None = None  # per joint turn or metre; from the gear ratio
     blend_ms: int = 500
     damping_m: float | None = None  # 0.4 % of the reach
-    rotation_length_m: float | None = None  # a quarter of the reach
     max_correction: float | None = None  # rad or m; twice what 99.9 % of sampled poses need, rounded up
     max_rate: float = 0.1  # rad/s or m/s
     dead_band: float = 2e-5  # rad or m
@@ -104,6 +105,7 @@ class _Exporter:
         self.builder.harmonics.link_offsets = {
             k: float(self.chain.offset[k]) for k in alone if not self.chain.prismatic[k]
         }
+        self.rotation_length_m = 0.25 * self.chain.reach_m if options.full_pose else None
         self.tool = self._tool_name()
         self.payload_max_kg = self._payload_max()
         self.gravity = GravitySets(
@@ -297,13 +299,9 @@ class _Exporter:
             number = self._coordinate_number(coordinate)
             if number is None:
                 continue
-            try:
+            names = ", ".join(effects[coordinate, tree]) or "unknown"
+            with _naming(f"effect {names}, a term on {coordinate}"):
                 self._compile_term(compiler, number, tree, coefficient)
-            except (CannotCompileError, OverflowError) as error:
-                names = ", ".join(effects[coordinate, tree]) or "unknown"
-                raise CannotCompileError(
-                    f"effect {names}, a term on {coordinate}: {error}; {_REMEDY}"
-                ) from None
         self._add_grids()
         self.notes += compiler.notes
 
@@ -330,12 +328,8 @@ class _Exporter:
                 value = self.builder.state(
                     reading.kind, reading.joint, -0.5, 0.5, mass_set, self.gravity.sets[mass_set].fraction
                 )
-                try:
+                with _naming(f"gravity regressors on {coordinate}"):
                     self.builder.add_term(layout.coordinate_number(coordinate), value, 1.0)
-                except CannotCompileError as error:
-                    raise CannotCompileError(
-                        f"gravity regressors on {coordinate}: {error}; {_REMEDY}"
-                    ) from None
 
     def _add_grids(self) -> None:
         """Grids with equal axes, coverage and exponent share one node, so that the cell is searched only once."""
@@ -358,19 +352,14 @@ class _Exporter:
             )
         values = np.stack([grid.values for grid in grids], axis=-1)
         pairs = [(self._variable(axis.variable), axis.nodes) for axis in axes]
-        try:
+        with _naming(f"table {grids[0].name} over {', '.join(axis.variable for axis in axes)}"):
             outputs = self.builder.grid(pairs, values, grids[0].covered, exponent)
-        except CannotCompileError as error:
-            read = ", ".join(axis.variable for axis in axes)
-            raise CannotCompileError(f"table {grids[0].name} over {read}: {error}; {_REMEDY}") from None
         for grid, value in zip(grids, outputs, strict=True):
             number = self._coordinate_number(grid.coordinate)
             if number is None:
                 continue
-            try:
+            with _naming(f"table {grid.name}"):
                 self.builder.add_term(number, value, 1.0, _grid_slope(grid))
-            except CannotCompileError as error:
-                raise CannotCompileError(f"table {grid.name}: {error}; {_REMEDY}") from None
 
     def _slope(self, tree: expression.Tree, coefficient: float) -> float:
         """Largest slope of a term over any one joint [rad/rad]; gravity is taken as constant."""
@@ -391,7 +380,6 @@ class _Exporter:
         sections = self._records()
         n = self.chain.joint_count
         damping = self.options.damping_m or 0.004 * self.chain.reach_m
-        rotation = self.options.rotation_length_m or 0.25 * self.chain.reach_m
         flags = (layout.FLAG_FULL_POSE if self.options.full_pose else 0) | (
             layout.FLAG_SIGNED if self.options.secret_seed else 0
         )
@@ -419,7 +407,7 @@ class _Exporter:
             0,
             self.options.blend_ms,
             to_fixed(max(layout.DAMPING[0], damping), layout.LENGTH_FRACTION),
-            to_fixed(rotation, layout.LENGTH_FRACTION) if self.options.full_pose else 0,
+            to_fixed(self.rotation_length_m or 0.0, layout.LENGTH_FRACTION),
             self._constant_nodes,
             self._steep_nodes,
             self._constant_terms,
@@ -452,11 +440,14 @@ class _Exporter:
 
     def _records(self) -> list[tuple[Section, int, bytes]]:
         """(kind, count, content) of every section that is not empty, in order."""
-        node_order = self._node_order()
-        slot_of = {
-            **{(Section.STATE, i): position for position, i in enumerate(self._state_order())},
-            **{(Section.NODES, i): len(self.builder.states) + p for p, i in enumerate(node_order)},
-        }
+        # Constant ones (ONE first), then joint positions, then gravity by mass set: each set is summed once.
+        states = sorted(
+            self.builder.states.items(),
+            key=lambda item: (layout.state_class(item[0][0]), item[0][0] is not State.ONE, item[0][2]),
+        )
+        order = self._node_order()
+        keys = [(Section.STATE, value.index) for _, value in states] + [(Section.NODES, i) for i in order]
+        slot_of = {key: position for position, key in enumerate(keys)}
 
         def slot(value: Value | int) -> int:
             return value if isinstance(value, int) else slot_of[value.section, value.index]
@@ -469,64 +460,27 @@ class _Exporter:
         self._refuse_more_than(layout.MAX_SLOW_WAVES, len(slow_waves), "slow waves")
         for position, value in self.builder.axis_slots:
             self.builder.data[position : position + 2] = slot(value).to_bytes(2, "little")
-        coupling = [
-            layout.COUPLING.pack(
-                row,
-                column,
-                0,
-                _held(
-                    self.chain.coupling[row, column],
-                    layout.COUPLING_FRACTION,
-                    f"a coupling of joint {row + 1} to motor {column + 1}",
-                ),
-            )
-            for row, column in np.argwhere(self.chain.coupling != 0.0)
-            if row != column
+        nodes = [
+            layout.NODE.pack(s.kind, s.shift, s.shift2, s.count, slot(s.a), slot(s.b), s.p, s.r)
+            for s in (self.builder.nodes[i] for i in order)
         ]
-        states = list(self.builder.states.items())
-        nodes = [self.builder.nodes[i] for i in node_order]
-        data = bytes(self.builder.data)
+        data, base = bytes(self.builder.data), self.arm.measuring_from_base
         content: list[tuple[Section, list[bytes]]] = [
             (Section.JOINTS, self._joints()),
             (Section.TOOLS, self._tools()),
-            (Section.COUPLING, coupling),
-            (
-                Section.STATE,
-                [layout.STATE.pack(*states[i][0], states[i][1].fraction) for i in self._state_order()],
-            ),
-            (
-                Section.SENSORS,
-                [
-                    layout.SENSOR.pack(
-                        round(1000.0 * self.chain.temperature_reference),
-                        self._name(sensor, layout.SENSOR_NAME_LENGTH, "sensor"),
-                    )
-                    for sensor in self.chain.sensors
-                ],
-            ),
+            (Section.COUPLING, self._coupling()),
+            (Section.STATE, [layout.STATE.pack(*key, value.fraction) for key, value in states]),
+            (Section.SENSORS, self._sensors()),
             (Section.MASS_SETS, self._mass_sets()),
             (Section.GRAVITY, self._gravity()),
-            (
-                Section.NODES,
-                [
-                    layout.NODE.pack(s.kind, s.shift, s.shift2, s.count, slot(s.a), slot(s.b), s.p, s.r)
-                    for s in nodes
-                ],
-            ),
+            (Section.NODES, nodes),
             (Section.TERMS, self._terms(slot)),
             (Section.HARMONICS, harmonics),
             (Section.SLOW_WAVES, slow_waves),
             (Section.DATA, [data[i : i + 4] for i in range(0, len(data), 4)]),
-            (Section.BASE, [self._base()]),
+            (Section.BASE, [layout.BASE.pack(*base[:3, :3].ravel(), *base[:3, 3])]),
         ]
         return [(kind, len(records), b"".join(records)) for kind, records in content if records]
-
-    def _state_order(self) -> list[int]:
-        """Constant ones (ONE first), then joint positions, then gravity by mass set: each set is summed once."""
-        states = list(self.builder.states)
-        return sorted(
-            range(len(states)), key=lambda i: (layout.state_class(states[i][0]), i != 0, states[i][2])
-        )
 
     def _node_order(self) -> list[int]:
         """Constant ones first, then those that steep terms need, then the rest; every node follows its inputs."""
@@ -552,14 +506,14 @@ class _Exporter:
             layout.TERM.pack(coordinate, 0, slot(value), mantissa) for coordinate, value, mantissa, _ in terms
         ]
 
-    def _transform(self, matrix: Array) -> tuple[list[int], list[int]]:
+    def _transform(self, matrix: Array) -> list[int]:
         longest = float(np.abs(matrix[:3, 3]).max())
         if longest > _LONGEST_M:
             raise InputError(
                 f"{self.path}: found a link or tool of {longest:g} m, expected at most {_LONGEST_M:g} m"
             )
         rotation = [to_fixed(v, layout.RATIO_FRACTION) for v in matrix[:3, :3].ravel()]
-        return rotation, [to_fixed(v, layout.LENGTH_FRACTION) for v in matrix[:3, 3]]
+        return rotation + [to_fixed(v, layout.LENGTH_FRACTION) for v in matrix[:3, 3]]
 
     def _joints(self) -> list[bytes]:
         largest = self._magnitude_limits()
@@ -569,13 +523,11 @@ class _Exporter:
         for k, transform in enumerate(self.chain.fixed):
             slides = self.chain.prismatic[k]
             unit = 1.0 if slides else 1.0 / (2.0 * np.pi)  # native units (m or turn) per m or rad
-            rotation, translation = self._transform(transform)
             to_position, position_shift = mantissa_and_shift(2.0**32 / self._per_unit[k])
             to_increment, increment_shift = mantissa_and_shift(self._per_unit[k] / 2.0**32)
             records.append(
                 layout.JOINT.pack(
-                    *rotation,
-                    *translation,
+                    *self._transform(transform),
                     round(self.chain.offset[k] * unit * 2.0**32),
                     0,
                     to_position,
@@ -604,12 +556,10 @@ class _Exporter:
                     f"--increments: found {', '.join(f'{value:.10g}' for value in given) or 'none'}, expected "
                     f"{numbers} from {least:.10g} to {most:.10g}, negative where a drive counts against its joint"
                 )
-            per_unit = [
-                float(_INCREMENTS_PER_UNIT)
-            ] * n  # a passive joint has no drive, but its record needs a value
-            for place, k in enumerate(motors):
-                per_unit[k] = given[0 if len(given) == 1 else place]
-            return per_unit
+            # A passive joint has no drive, but its record needs a value.
+            per_unit = np.full(n, float(_INCREMENTS_PER_UNIT))
+            per_unit[motors] = given
+            return [float(value) for value in per_unit]
         made = []
         for k, (slides, ratio) in enumerate(zip(self.chain.prismatic, self.chain.gear_ratio, strict=True)):
             count = float(
@@ -665,10 +615,7 @@ class _Exporter:
             time=np.where(np.arange(len(poses)) % 3 == 0, 0.0, 4e4),
             direction=np.random.default_rng(3).choice([-1.0, 1.0], poses.shape),
         )
-        rotation = (
-            (self.options.rotation_length_m or 0.25 * self.chain.reach_m) if self.options.full_pose else None
-        )
-        correction = np.abs(reference.newton_joints(poses, around, rotation) - poses)
+        correction = np.abs(reference.newton_joints(poses, around, self.rotation_length_m) - poses)
         # Close to singularities corrections grow without bound, so all but one in a thousand are covered. Their last
         # digits depend on rounding; whole steps give the same image on every processor.
         covered = 2.0 * np.quantile(correction, 0.999, axis=0) + 2e-3
@@ -676,15 +623,30 @@ class _Exporter:
             np.minimum(np.ceil(covered / _CORRECTION_STEP) * _CORRECTION_STEP, _LARGEST_CORRECTION)
         )
 
+    def _coupling(self) -> list[bytes]:
+        records = []
+        for row, column in np.argwhere(self.chain.coupling - np.diag(np.diag(self.chain.coupling))):
+            what = f"a coupling of joint {row + 1} to motor {column + 1}"
+            ratio = _held(self.chain.coupling[row, column], layout.COUPLING_FRACTION, what)
+            records.append(layout.COUPLING.pack(row, column, 0, ratio))
+        return records
+
     def _tools(self) -> list[bytes]:
         self._refuse_more_than(layout.MAX_TOOLS, len(self.arm.flange_from_tool), "tools")
-        records = []
-        for name, flange_from_tool in self.arm.flange_from_tool.items():
-            rotation, translation = self._transform(self.chain.end @ flange_from_tool)
-            records.append(
-                layout.TOOL.pack(*rotation, *translation, self._name(name, layout.TOOL_NAME_LENGTH, "target"))
+        return [
+            layout.TOOL.pack(
+                *self._transform(self.chain.end @ pose), self._name(name, layout.TOOL_NAME_LENGTH, "target")
             )
-        return records
+            for name, pose in self.arm.flange_from_tool.items()
+        ]
+
+    def _sensors(self) -> list[bytes]:
+        reference = round(1000.0 * self.chain.temperature_reference)
+        length = layout.SENSOR_NAME_LENGTH
+        return [
+            layout.SENSOR.pack(reference, self._name(sensor, length, "sensor"))
+            for sensor in self.chain.sensors
+        ]
 
     def _name(self, name: str, most: int, what: str) -> bytes:
         encoded = name.encode()
@@ -715,9 +677,14 @@ class _Exporter:
         limit = to_fixed(min(self.payload_max_kg, 2000.0), layout.STATE_FRACTION[State.PAYLOAD])
         return [layout.GRAVITY.pack(*vector, *point, limit)]
 
-    def _base(self) -> bytes:
-        base = self.arm.measuring_from_base
-        return layout.BASE.pack(*base[:3, :3].ravel(), *base[:3, 3])
+
+@contextmanager
+def _naming(what: str) -> Iterator[None]:
+    """Begin the message of an error with `what` a table cannot hold, and end it with a remedy."""
+    try:
+        yield
+    except (CannotCompileError, OverflowError) as error:
+        raise CannotCompileError(f"{what}: {error}; {_REMEDY}") from None
 
 
 def _held(value: float, fraction: int, what: str) -> int:
