@@ -161,9 +161,10 @@ def _option(section: Section, option: str, kind: str) -> Any:
     if kind == "[string]":
         return section.texts(option, "a list of texts")
     if kind == "[int]":
-        values = section.numbers(option, None, "a list of whole numbers such as [1,2]")
+        expected = "a list of whole numbers such as [1,2]"
+        values = section.numbers(option, None, expected)
         if any(value != int(value) for value in values):
-            raise section.fail(option, "a list of whole numbers such as [1,2]")
+            raise section.fail(option, expected)
         return [int(value) for value in values]
     if kind == "{name: value}":
         named = section.section(option)
@@ -259,9 +260,7 @@ def _is_repeat(effect: dict[str, Any], other: dict[str, Any]) -> bool:
 
 
 def _parameters(top: Section) -> dict[str, dict[str, float]]:
-    if not top.has("parameters"):
-        return {}
-    section = top.section("parameters")
+    section = top.optional("parameters")
     result: dict[str, dict[str, float]] = {}
     for name in section:
         entry = section.section(name)
@@ -270,38 +269,28 @@ def _parameters(top: Section) -> dict[str, dict[str, float]]:
         else:
             sigma = entry.number("sigma", above=0.0, expected="a standard deviation above 0")
             result[name] = {"prior": entry.number("prior"), "sigma": sigma}
-        entry.finish()
     return result
 
 
 def _priors(top: Section) -> dict[str, float]:
-    if not top.has("priors"):
-        return dict(DEFAULT_PRIORS)
-    section = top.section("priors")
-    result = {
+    section = top.optional("priors")
+    return {
         name: section.number(name, default, above=0.0, expected="a standard deviation above 0")
         for name, default in DEFAULT_PRIORS.items()
     }
-    section.finish()
-    return result
 
 
 def _instrument(top: Section) -> dict[str, Any] | None:
     if not top.has("instrument"):
         return None
     section = top.section("instrument")
-    result: dict[str, Any] = {
-        "position": section.numbers("position", 3, "a list [x, y, z] in metres", default=[0.0, 0.0, 0.0])
-    }
+    laws = {}
     for part in ("radial", "angular"):
         law = section.section(part)
-        expected = "a standard deviation in metres, above 0"
-        result[part] = {
-            "a": law.number("a", above=0.0, expected=expected),
-            "b": law.number(
-                "b", default=0.0, minimum=0.0, expected="metres per metre of distance, not negative"
-            ),
+        expected = "metres per metre of distance, not negative"
+        laws[part] = {
+            "a": law.number("a", above=0.0, expected="a standard deviation in metres, above 0"),
+            "b": law.number("b", default=0.0, minimum=0.0, expected=expected),
         }
-        law.finish()
-    section.finish()
-    return result
+    position = section.numbers("position", 3, "a list [x, y, z] in metres", default=[0.0, 0.0, 0.0])
+    return {"position": position, **laws}

@@ -23,12 +23,11 @@ from armtrue.io.rotation import matrix_from_rotation_vector, matrix_from_rpy, rp
 
 # Six turns either way: larger limits of a revolute joint are not in radians.
 LARGEST_LIMIT_RAD = 12 * math.pi
+UrdfChain = tuple[dict[str, Any], list[dict[str, Any]], list[dict[str, Any]]]
 _JOINT_TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 
 
-def read_urdf_chain(
-    path: Path, base: str, tip: str
-) -> tuple[dict[str, Any], list[dict[str, Any]], list[dict[str, Any]]]:
+def read_urdf_chain(path: Path, base: str, tip: str) -> UrdfChain:
     """Return `(kinematics, links, mimics)` of the chain from link `base` to link `tip`.
 
     `kinematics` has convention "chain"; `links` one `{mass, com}` a joint in its frame, empty if the URDF gives no
