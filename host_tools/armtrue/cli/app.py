@@ -27,8 +27,11 @@ class _Commands(GuardedGroup):
     """All commands: the module of each, and its line of the help; a module is imported when its command runs."""
 
     homes: ClassVar[dict[str, tuple[str, str]]] = {
-        "init": ("init", "Read foreign measurement files and write robot.yaml, dataset.yaml and model.yaml."),
-        "check": ("checking", "Check measurements for mistakes before a fit: units, signs, drift."),
+        "init": (
+            "measurements",
+            "Read foreign measurement files and write robot.yaml, dataset.yaml and model.yaml.",
+        ),
+        "check": ("measurements", "Check measurements for mistakes before a fit: units, signs, drift."),
         "fit": ("fitting", "Fit the model's effects, and print how well it predicts held-out poses."),
         "add": ("fitting", "Add an effect to a fit, fit again, and print how the error fell."),
         "remove": ("fitting", "Remove an effect from a fit, fit again: the opposite of 'add'."),
@@ -55,9 +58,9 @@ class _Commands(GuardedGroup):
         ),
         "keygen": ("tables", "Make an Ed25519 key pair to sign tables with."),
         "upload": ("device", "Install a table on a compensator: transfer, verify, activate."),
-        "simulate": ("campaign", "Simulate a campaign with known truth."),
+        "simulate": ("measurements", "Simulate a campaign with known truth."),
         "effects": ("catalogue", "List the effects, or show the formula, curve, bound and options of one."),
-        "explain": ("explain", "Define a term of reports and messages."),
+        "explain": ("catalogue", "Define a term of reports and messages."),
         "tables": ("tables.tables_app", "Inspect table images."),
         "device": ("device.app", "Query and manage a compensator on a bus."),
     }

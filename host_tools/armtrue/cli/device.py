@@ -433,9 +433,3 @@ def monitor(
         output.say(f"recorded: {record} ({plural(recording.frames, 'frame')})")
     if last is not None:
         output.figures(last.document())
-
-
-def add_to(parent: typer.Typer) -> None:
-    """Add the command upload and the group device to the command line."""
-    parent.command()(upload)
-    parent.add_typer(app, name="device")

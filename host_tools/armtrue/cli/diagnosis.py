@@ -67,9 +67,7 @@ def refine(
     if result.get("steps"):
         present_added(result, output)
         present_diagnosis(result["steps"][-1], output, out, data)
-    if refined.document["warnings"]:
-        output.title("Warnings")
-        output.items(refined.document["warnings"])
+    output.items(refined.document["warnings"], "Warnings")
     output.say(f"\nwritten: {out}")
     output.figures(result)
 

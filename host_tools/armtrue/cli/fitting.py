@@ -245,10 +245,8 @@ def present_fit(result: Fit, output: Output, all_parameters: bool = False) -> No
         more = f" and {len(rejected) - 10} more" if len(rejected) > 10 else ""
         output.title(f"{plural(len(rejected), 'gross error')} kept out")
         output.say(f"  {rows}{more}")
-    for title, key in (("What the data cannot tell", "unobservable"), ("Warnings", "warnings")):
-        if document.get(key):
-            output.title(title)
-            output.items(document[key])
+    output.items(document.get("unobservable", []), "What the data cannot tell")
+    output.items(document.get("warnings", []), "Warnings")
 
 
 def present_fall(before: Fit, after: Fit, output: Output) -> None:

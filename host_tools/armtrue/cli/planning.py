@@ -210,9 +210,9 @@ def _present_ambiguity(
             "these poses are for the fit's own parameters."
         )
         return
-    output.title("Alternative explanations")
     first = name(ambiguity.entry)
-    output.items([f"{first} or {name(rival.entry)}: {preference(rival)}" for rival in ambiguity.rivals])
+    preferences = [f"{first} or {name(rival.entry)}: {preference(rival)}" for rival in ambiguity.rivals]
+    output.items(preferences, "Alternative explanations")
     if plan.separates:
         told = "; ".join(name(rival.entry) for rival in ambiguity.rivals if rival.entry in ambiguity.open)
         left_out = sum(not rival.decided and not rival.table for rival in ambiguity.rivals)
@@ -338,16 +338,14 @@ def _present_campaign(plan: Plan, output: Output) -> None:
         )
     output.table(table)
     output.say(plan.precision() or "")
-    output.title("Weakest direction")
-    output.items([f"{header}: {entry['weakest'][0]['words']}" for header, entry in shown.items()])
+    weakest = [f"{header}: {entry['weakest'][0]['words']}" for header, entry in shown.items()]
+    output.items(weakest, "Weakest direction")
     if figures.get("same_numbers"):
         output.say(
             f"{plural(figures['same_numbers'], 'further parameter')} {'is' if figures['same_numbers'] == 1 else 'are'} "
             "equivalent to another one at every pose: held at nominal."
         )
-    if figures.get("weak"):
-        output.title("What poses of this arm hardly determine")
-        output.items(figures["weak"])
+    output.items(figures.get("weak", []), "What poses of this arm hardly determine")
 
 
 _RANKS = ("weakest", "second weakest", "third weakest")

@@ -96,16 +96,22 @@ def export(
     Example: armtrue export fit.json --out tables.bin
     """
     from armtrue import fitting
-    from armtrue.tables import signing
+    from armtrue.tables import ExportOptions, fitted_arm, signing
+    from armtrue.tables import export as make_image
     from armtrue.tables.compensate import sidecar
-    from armtrue.tables.export import ExportOptions
-    from armtrue.tables.export import export as make_image
-    from armtrue.tables.fitted import fitted_arm
     from armtrue.tables.image import Image
     from armtrue.tables.info import describe
 
     output = Output(json_to)
-    _refuse_sizes(sequence, max_correction, max_rate, dead_band, damping, payload_max)
+    for name, value, least, most in (
+        ("--sequence", sequence, 0, layout.MAX_SEQUENCE),
+        ("--max-correction", max_correction, 1e-6, 1.0),
+        ("--max-rate", max_rate, 1e-4, 100.0),
+        ("--dead-band", dead_band, 0.0, 0.1),
+        ("--damping", damping, 1e-6, layout.DAMPING[1]),
+        ("--payload-max", payload_max, 0.0, 1e5),
+    ):
+        _refuse_beyond(name, value, least, most)
     document = fitting.Fit.load(fit_file).document
     options = ExportOptions(
         serial=serial,
@@ -250,28 +256,11 @@ def info(
     output.figures(document)
 
 
-def _refuse_sizes(
-    sequence: int,
-    max_correction: float | None,
-    max_rate: float,
-    dead_band: float,
-    damping: float | None,
-    payload_max: float | None,
-) -> None:
-    """Raise InputError for an option of `export` that no table can hold."""
-    limits: list[tuple[str, float | None, float, float]] = [
-        ("--sequence", sequence, 0, layout.MAX_SEQUENCE),
-        ("--max-correction", max_correction, 1e-6, 1.0),
-        ("--max-rate", max_rate, 1e-4, 100.0),
-        ("--dead-band", dead_band, 0.0, 0.1),
-        ("--damping", damping, 1e-6, layout.DAMPING[1]),
-        ("--payload-max", payload_max, 0.0, 1e5),
-    ]
-    for name, value, least, most in limits:
-        # Every comparison with NaN is false, so NaN is refused as well.
-        if value is not None and not least <= value <= most:
-            found = f"{value:.10g}" if isinstance(value, float) else value
-            raise InputError(f"{name}: found {found}, expected {least:.10g} to {most:.10g}")
+def _refuse_beyond(name: str, value: float | None, least: float, most: float) -> None:
+    # Every comparison with NaN is false, so NaN is refused as well.
+    if value is not None and not least <= value <= most:
+        found = f"{value:.10g}" if isinstance(value, float) else value
+        raise InputError(f"{name}: found {found}, expected {least:.10g} to {most:.10g}")
 
 
 def _numbers(text: str | None) -> tuple[float, ...] | None:

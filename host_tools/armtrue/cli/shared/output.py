@@ -63,13 +63,16 @@ class Output:
         """Print a heading for people."""
         self.console.print(f"\n{text}", style="bold")
 
-    def items(self, lines: list[str]) -> None:
-        """Print sentences as a list, long ones with their continuation indented."""
+    def items(self, lines: list[str], title: str = "") -> None:
+        """Print sentences as a list below their title, long ones with their continuation indented."""
+        if not lines:
+            return
+        if title:
+            self.title(title)
         grid = Table.grid(padding=(0, 1))
         for line in lines:
             grid.add_row("  ·", line)
-        if lines:
-            self.console.print(grid)
+        self.console.print(grid)
 
     def fields(self, pairs: list[tuple[str, str]]) -> None:
         """Print names and their values, in two columns."""

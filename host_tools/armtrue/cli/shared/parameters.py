@@ -7,7 +7,6 @@ from typing import Any
 from rich.table import Table
 
 from armtrue import notebook
-from armtrue.cli.shared.bounds import outside_words
 from armtrue.cli.shared.output import Output, plain_table
 from armtrue.units import plural, value_and_sigma
 
@@ -15,6 +14,8 @@ from armtrue.units import plural, value_and_sigma
 _SHOWN = 60
 # From this correlation on, the combination of two parameters is known better than each of them.
 _TIED = 0.95
+# A value beyond its bound by less than this many standard deviations may be inside.
+_SIGMAS = 2.0
 
 
 def present_parameters(document: dict[str, Any], output: Output, everything: bool) -> None:
@@ -55,3 +56,20 @@ def _parameter_table(parameters: list[dict[str, Any]], robot: dict[str, Any]) ->
             entry["name"], value, sigma, unit, notebook.nominal_words(entry["name"], robot), ", ".join(notes)
         )
     return table
+
+
+def outside_words(parameter: dict[str, Any]) -> str:
+    """`outside 0 to 200 µrad/Nm` if the value is beyond its bound by more than its uncertainty, else an empty text."""
+    bound = parameter.get("bound") or 0.0
+    if not bound or parameter.get("held") or parameter.get("fixed"):
+        return ""
+    sign = parameter.get("sign", 0)
+    # The range of a parameter with a physical sign, such as a compliance, ends at zero.
+    lowest, highest = (0.0 if sign > 0 else -bound), (0.0 if sign < 0 else bound)
+    margin = _SIGMAS * (parameter.get("sigma") or 0.0)
+    if lowest - margin <= parameter["value"] <= highest + margin:
+        return ""
+    words, _, unit = value_and_sigma(bound, None, parameter["unit"])
+    if sign:
+        return f"outside {f'0 to {words}' if sign > 0 else f'-{words} to 0'} {unit}"
+    return f"outside ±{words} {unit}"
