@@ -432,4 +432,4 @@ def monitor(
     if recording is not None:
         output.say(f"recorded: {record} ({plural(recording.frames, 'frame')})")
     if last is not None:
-        output.figures(last.document())
+        output.figures(vars(last))

@@ -10,6 +10,7 @@ from typing import Any
 
 import can
 from can.interfaces import BACKENDS, VALID_INTERFACES
+from can.util import cast_from_string
 
 from armtrue.device.sdo import CommunicationError
 from armtrue.errors import InputError, did_you_mean
@@ -48,7 +49,7 @@ class BusOptions:
                     f"--bus-option: found '{key}'{did_you_mean(key, known)}, expected an option of {self.interface}: "
                     f"{', '.join(known)}"
                 )
-            found[key] = _typed(value)
+            found[key] = cast_from_string(value)
         for rate in ("bitrate", "data_bitrate"):
             if rate in found and (type(found[rate]) is not int or found[rate] <= 0):
                 raise InputError(
@@ -64,18 +65,6 @@ def _option_names(interface: str) -> list[str]:
     module, name = BACKENDS[interface]
     parameters = inspect.signature(getattr(importlib.import_module(module), name)).parameters.values()
     return sorted(p.name for p in parameters if p.kind is not p.VAR_KEYWORD and p.name != "channel")
-
-
-def _typed(text: str) -> Any:
-    """Convert text to a number or truth value if it is one, as python-can does in its configuration files."""
-    if text.lower() in ("true", "false"):
-        return text.lower() == "true"
-    for convert in (int, float):
-        try:
-            return convert(text)
-        except ValueError:
-            continue
-    return text
 
 
 def open_bus(options: BusOptions) -> can.BusABC:

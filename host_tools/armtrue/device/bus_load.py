@@ -9,10 +9,6 @@ _TAIL_BITS = 1 + 2 + 7 + 3
 _CRC15 = 0x4599
 
 
-def _bits(value: int, width: int) -> list[int]:
-    return [value >> shift & 1 for shift in range(width - 1, -1, -1)]
-
-
 def classic_frame_bits(identifier: int, data: bytes, extended: bool = False, remote: bool = False) -> int:
     """Bit times of one classic frame on the bus, interframe space included.
 
@@ -20,29 +16,24 @@ def classic_frame_bits(identifier: int, data: bytes, extended: bool = False, rem
       identifier: 11 or 29 bits.
       data: the payload; of a remote frame only its length is used (DLC).
     """
-    bits = [0]
-    if extended:
-        bits += [*_bits(identifier >> 18, 11), 1, 1, *_bits(identifier & 0x3FFFF, 18), int(remote), 0, 0]
-    else:
-        bits += [*_bits(identifier, 11), int(remote), 0, 0]
-    bits += _bits(len(data), 4)
-    if not remote:
-        for byte in data:
-            bits += _bits(byte, 8)
+    arbitration = (
+        f"{identifier >> 18:011b}11{identifier & 0x3FFFF:018b}" if extended else f"{identifier:011b}"
+    )
+    payload = "" if remote else "".join(f"{byte:08b}" for byte in data)
+    bits = [int(bit) for bit in f"0{arbitration}{remote:b}00{len(data):04b}{payload}"]
     crc = 0
     for bit in bits:
         crc = (crc << 1) & 0x7FFF ^ (_CRC15 if bit ^ crc >> 14 else 0)
-    bits += _bits(crc, 15)
     stuffed = 0
     run, last = 0, -1
-    for bit in bits:
+    for bit in [*bits, *(crc >> shift & 1 for shift in range(14, -1, -1))]:
         run = run + 1 if bit == last else 1
         last = bit
         if run == 5:
             # The stuff bit is of the other value and begins the next run.
             stuffed += 1
             run, last = 1, 1 - bit
-    return len(bits) + stuffed + _TAIL_BITS
+    return len(bits) + 15 + stuffed + _TAIL_BITS
 
 
 def frame_seconds(message: can.Message, bitrate: int, data_bitrate: int) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -100,7 +100,7 @@ class Compensator:
     def __init__(self, client: SdoClient) -> None:
         self.client = client
 
-    def read(self, name: str) -> int | str | bytes:
+    def read(self, name: str) -> int | str:
         """The value of an object by its EDS name."""
         entry = dictionary()[name]
         data = self.client.upload(entry.index, entry.sub)
@@ -128,7 +128,7 @@ class Compensator:
         """All values of the named records and variables; those of a record are named `Record.Value`."""
         names = [name for name in dictionary() if name.split(".")[0] in objects]
         kept = [name for name in names if not name.endswith("Highest sub-index supported")]
-        return Status({name: self._plain(name) for name in kept})
+        return Status({name: self.read(name) for name in kept})
 
     def greet(self) -> None:
         """End any transfer that an interrupted client left open, and check that the node is a compensator.
@@ -151,7 +151,7 @@ class Compensator:
     def _check_product(self) -> None:
         product = self.read_number("Identity object.Product code")
         if product != _PRODUCT_CODE:
-            name = self._plain("Manufacturer device name")
+            name = self.read("Manufacturer device name")
             raise DeviceRefusedError(
                 f"the node is a '{name}' (product code 0x{product:08X}), not a compensator"
             )
@@ -237,21 +237,15 @@ class Compensator:
         failed = self.read_number("Self-test.Tests failed")
         return {name: not failed & 1 << bit for bit, name in enumerate(SELF_TESTS)}
 
-    def _plain(self, name: str) -> int | str:
-        value = self.read(name)
-        return value if isinstance(value, int) else str(value)
-
     def _explain(self, word: str, refusal: SdoAbortError) -> str:
         if refusal.code == _DEVICE_STATE and not self.is_quiet():
             return STILL_MOVING
         reason = self.read_number("Table status.Refusal reason")
-        if refusal.code == _DEVICE_STATE and reason == _OTHER_AXES:
-            return f"the device refused the table: {REFUSALS[reason]}"
-        if refusal.code == _INCOMPATIBLE:
-            at = self.read_number("Table status.Refusal byte offset")
-            return f"the device refused the table: {REFUSALS.get(reason, f'reason {reason}')} (byte {at} of the image)"
+        refused = f"the device refused the table: {REFUSALS.get(reason, f'reason {reason}')}"
         if refusal.code == _DEVICE_STATE:
-            return _NOTHING_TO_DO[word]
+            return refused if reason == _OTHER_AXES else _NOTHING_TO_DO[word]
+        if refusal.code == _INCOMPATIBLE:
+            return f"{refused} (byte {self.read_number('Table status.Refusal byte offset')} of the image)"
         return f"the device could not do it: {refusal}"
 
 
@@ -282,7 +276,6 @@ _NOTHING_TO_DO = {
 }
 
 
-def name_of(names: Iterable[str], number: int) -> str:
+def name_of(names: tuple[str, ...], number: int) -> str:
     """The name at a place of one of the tuples above, or the number itself."""
-    known = tuple(names)
-    return known[number] if 0 <= number < len(known) else str(number)
+    return names[number] if number < len(names) else str(number)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import can
 from rich.console import Group
@@ -52,10 +51,6 @@ class Snapshot:
     downstream_frames: int  # received and sent there; 0: the device has no such port, or nothing is on it
     bus_load: float  # share of the nominal bit rate since the last snapshot
     frames_per_second: float
-
-    def document(self) -> dict[str, Any]:
-        """The figures for --json."""
-        return dict(vars(self))
 
 
 class Monitor:
@@ -214,13 +209,9 @@ def draw(snapshot: Snapshot) -> Group:
 
 
 def _sources(snapshot: Snapshot) -> str:
+    frames, samples = "of one cycle, from its frames", "sampled one after another by SDO"
     if snapshot.targets_from == snapshot.corrections_from:
-        together = snapshot.targets_from == FRAMES
-        return (
-            "of one cycle, from its frames"
-            if together
-            else "sampled one after another by SDO: not of one cycle"
-        )
+        return frames if snapshot.targets_from == FRAMES else f"{samples}: not of one cycle"
     if snapshot.targets_from == FRAMES:
-        return "targets of one cycle, from its frames; corrections sampled one after another by SDO"
-    return "corrections of one cycle, from its frames; targets sampled one after another by SDO"
+        return f"targets {frames}; corrections {samples}"
+    return f"corrections {frames}; targets {samples}"

@@ -163,7 +163,8 @@ class FixedEngine:
         clipped = np.zeros(len(target), dtype=np.bool_)
         for values, integer in zip(scaled, integers, strict=True):
             if values is not None:
-                clipped |= (integer != np.round(values)).reshape(len(target), -1).any(axis=1)
+                differs = np.asarray(integer != np.round(values))
+                clipped |= differs.reshape(len(target), -1).any(axis=1)
         return clipped
 
     def _scaled(self, around: Surroundings, rows: int) -> list[Array | None]:
