@@ -6,9 +6,10 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from armtrue.io.robot import Robot
-from armtrue.io.sensor_names import is_sensor
+if TYPE_CHECKING:
+    from armtrue.io.robot import Robot
 
 TEXT_COLUMNS = ("target", "repeat")
 QUATERNION = ("qw", "qx", "qy", "qz")
@@ -49,6 +50,19 @@ TRAVEL = re.compile(r"\btravel[0-9]+\b")
 # long [rad, m].
 FAR_TRAVEL = 1e9
 _KIND_OF = {"x": "length", "y": "length", "z": "length", "sigma": "length", "payload": "mass", "time": "time"}
+
+
+def is_sensor(name: str) -> bool:
+    """True where expressions can read `dT_name`: letters, digits and underscores."""
+    return re.fullmatch(r"[A-Za-z0-9_]+", name) is not None
+
+
+def contract_name(header: str) -> str:
+    """`temp_arm_1` for `temp_arm 1` or `temp_arm-1 (°C)`; any other header as it is."""
+    if not header.startswith("temp_"):
+        return header
+    sensor = re.sub(r"\s*[(\[].*$", "", header.removeprefix("temp_"))
+    return "temp_" + re.sub(r"[^A-Za-z0-9_]+", "_", sensor).strip("_")
 
 
 def commanded_joints(names: Iterable[str]) -> list[str]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,15 @@ from numpy.typing import NDArray
 from armtrue.arrays import Array
 from armtrue.errors import InputError, RowError, did_you_mean, shorten
 from armtrue.io import rotation
-from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, ColumnNames, commanded_joints, span
+from armtrue.io.columns import (
+    POSITION,
+    QUATERNION,
+    TEXT_COLUMNS,
+    ColumnNames,
+    commanded_joints,
+    contract_name,
+    span,
+)
 from armtrue.io.delimited import RawColumns, read_columns
 from armtrue.io.layout import (
     Layout,
@@ -28,7 +37,6 @@ from armtrue.io.layout import (
 from armtrue.io.model import EXPRESSION_WORDS, state_names
 from armtrue.io.plausible import WrongUnitError, refuse_lost, refuse_wrong_units
 from armtrue.io.robot import Robot
-from armtrue.io.sensor_names import contract_name
 from armtrue.io.ways import directions, travels
 from armtrue.units import plural
 
@@ -123,6 +131,10 @@ class Dataset:
         passive = {name: values[which] for name, values in self.passive.items()}
         return replace(self, columns=columns, rows=self.rows[which], turns=turns, passive=passive)
 
+    def noting(self, note: str, **changes: Any) -> Dataset:
+        """Return the measurements with `changes` of their fields and with a further note on their file."""
+        return replace(self, notes=[*self.notes, f"{self.file.name}: {note}"], **changes)
+
     def without(self, rows: list[int]) -> Dataset:
         """Return the measurements without these rows of the file. Errors: InputError for a row that is not there."""
         if unknown := sorted(set(rows) - set(self.rows.tolist())):
@@ -216,11 +228,9 @@ def _with_passive_still(data: Dataset, robot: Robot) -> Dataset:
                 f"{data.file} column q{k}: found values up to {apart:.3g} {unit} from robot.yaml's coupling, expected "
                 f"no column (joint {k} is passive), the same value in all rows, or the angle by that coupling"
             )
-        moved.notes.append(
-            f"{data.file.name}: q{k} is not used: joint {k} has no motor, and its link follows"
-        )
+        moved = moved.noting(f"q{k} is not used: joint {k} has no motor, and its link follows")
     if others := sorted(name for name in data.columns if names.of_passive(name) and name not in given):
-        moved.notes.append(f"{data.file.name}: not used, as the joints have no motor: {', '.join(others)}")
+        moved = moved.noting(f"not used, as the joints have no motor: {', '.join(others)}")
     return replace(moved, columns={**moved.columns, **still}, passive=given)
 
 
@@ -284,10 +294,9 @@ def without_copies(data: Dataset) -> Dataset:
     copies = data.count - len(first)
     if not copies:
         return data
-    kept = data.take(np.array(list(first.values())))
     rows = "row that equals an earlier one" if copies == 1 else "rows that equal earlier ones"
-    note = f"{data.file.name}: left out {copies} {rows} in every column: copies are no measurements"
-    return replace(kept, notes=[*data.notes, note])
+    note = f"left out {copies} {rows} in every column: copies are no measurements"
+    return data.take(np.array(list(first.values()))).noting(note)
 
 
 def with_travels(data: Dataset) -> Dataset:
@@ -298,10 +307,10 @@ def with_travels(data: Dataset) -> Dataset:
         return data
     joints = sorted(int(name.removeprefix("travel")) for name in found)
     note = (
-        f"{data.file.name}: {span('travel', joints)}, the travel of a joint since its last reversal, is derived from "
+        f"{span('travel', joints)}, the travel of a joint since its last reversal, is derived from "
         "the order of the rows, with which dir agrees"
     )
-    return replace(data, columns=data.columns | found, notes=[*data.notes, note], derived=frozenset(found))
+    return data.noting(note, columns=data.columns | found, derived=frozenset(found))
 
 
 def _without_unrecorded(data: Dataset) -> Dataset:
@@ -310,25 +319,20 @@ def _without_unrecorded(data: Dataset) -> Dataset:
     A controller that does not log directions often writes 0. Taken for measurements, such columns would count as
     recorded and keep the effects that read them from being named as untestable.
     """
-    still = np.ptp(data.joints, axis=0) == 0.0
-    unrecorded: list[str] = []
-    notes = list(data.notes)
+    moves = np.flatnonzero(np.ptp(data.joints, axis=0)) + 1
     for stem in ("dir", "travel", "duty"):
-        joints = [
-            k
-            for k, stands in enumerate(still, start=1)
-            if not stands and not np.any(data.columns.get(f"{stem}{k}", 1.0))
-        ]
+        joints = [int(k) for k in moves if not np.any(data.columns.get(f"{stem}{k}", 1.0))]
         if joints:
-            verb = "is" if len(joints) == 1 else "are"
-            notes.append(
-                f"{data.file.name}: {span(stem, joints)} {verb} 0 in all rows: taken as not recorded"
+            names = {f"{stem}{k}" for k in joints}
+            columns = {name: values for name, values in data.columns.items() if name not in names}
+            data = data.noting(
+                f"{_unrecorded(stem, joints)} 0 in all rows: taken as not recorded", columns=columns
             )
-        unrecorded += [f"{stem}{k}" for k in joints]
-    if not unrecorded:
-        return data
-    columns = {name: values for name, values in data.columns.items() if name not in unrecorded}
-    return replace(data, columns=columns, notes=notes)
+    return data
+
+
+def _unrecorded(stem: str, joints: list[int]) -> str:
+    return f"{span(stem, joints)} {'is' if len(joints) == 1 else 'are'}"
 
 
 def without_fixed_targets(data: Dataset) -> Dataset:
@@ -348,10 +352,10 @@ def without_fixed_targets(data: Dataset) -> Dataset:
     gone = int((~keep).sum())
     are = "is" if gone == 1 else "are"
     note = (
-        f"{data.file.name}: target {words} does not move with the arm; its {plural(gone, 'row')} {are} left out "
+        f"target {words} does not move with the arm; its {plural(gone, 'row')} {are} left out "
         "(armtrue check says whether it drifted)"
     )
-    return replace(kept, columns=columns, labels=labels, notes=[*data.notes, note])
+    return kept.noting(note, columns=columns, labels=labels)
 
 
 def _require_columns(layout: Layout, path: Path, robot: Robot, need_position: bool) -> None:
@@ -434,9 +438,8 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
         if not (names.of_one_effect(header) and header in taken)
     ]
     if empty := sorted(k for k, header in directions_of.items() if header not in raw.numbers):
-        verb = "is" if len(empty) == 1 else "are"
         notes.append(
-            f"{layout.file.name}: {span('dir', empty)} {verb} empty in all rows: taken as not recorded"
+            f"{layout.file.name}: {_unrecorded('dir', empty)} empty in all rows: taken as not recorded"
         )
     notes += [f"left out: {why}" for why in skipped.values()]
     if layout.time:
@@ -591,35 +594,27 @@ def _check_values(data: Dataset) -> None:
     """Refuse values that a column cannot hold, whatever the arm; bring quaternions to unit length."""
     columns = data.columns
 
-    def refuse(name: str, bad: NDArray[np.bool_], expected: str) -> None:
+    def refuse(place: str, values: Array, bad: NDArray[np.bool_], expected: str) -> None:
         if bad.any():
             at = int(np.argmax(bad))
-            raise RowError(
-                int(data.rows[at]),
-                f"{data.file} row {data.rows[at]} column {name}: found {columns[name][at]:.6g}, expected {expected}",
-            )
+            row = int(data.rows[at])
+            message = f"{data.file} row {row} {place}{values[at]:.6g}, expected {expected}"
+            raise RowError(row, message)
 
     for name, values in columns.items():
+        found = f"column {name}: found "
         if name not in TEXT_COLUMNS:
-            refuse(
-                name, ~np.isfinite(values) | (np.abs(values) > 1e12), "a finite number of an ordinary size"
-            )
+            extreme = ~np.isfinite(values) | (np.abs(values) > 1e12)
+            refuse(found, values, extreme, "a finite number of an ordinary size")
         if name.startswith("dir"):
-            refuse(name, ~np.isin(values, (-1.0, 0.0, 1.0)), "-1, 0 or 1")
-    if "sigma" in columns:
-        refuse("sigma", columns["sigma"] <= 0.0, "a standard deviation above 0")
-    if "payload" in columns:
-        refuse("payload", columns["payload"] < 0.0, "kilograms, not negative")
+            refuse(found, values, ~np.isin(values, (-1.0, 0.0, 1.0)), "-1, 0 or 1")
+        if name == "sigma":
+            refuse(found, values, values <= 0.0, "a standard deviation above 0")
+        if name == "payload":
+            refuse(found, values, values < 0.0, "kilograms, not negative")
     if "qw" in columns:
         quaternions = np.column_stack([columns[name] for name in QUATERNION])
         lengths = np.linalg.norm(quaternions, axis=1)
         wrong = np.abs(lengths - 1.0) > _QUATERNION_LENGTH_TOLERANCE
-        if wrong.any():
-            at = int(np.argmax(wrong))
-            raise RowError(
-                int(data.rows[at]),
-                f"{data.file} row {data.rows[at]} columns qw, qx, qy, qz: found length {lengths[at]:.6g}, "
-                "expected a unit quaternion",
-            )
-        for name, values in zip(QUATERNION, (quaternions / lengths[:, None]).T, strict=True):
-            columns[name] = values
+        refuse("columns qw, qx, qy, qz: found length ", lengths, wrong, "a unit quaternion")
+        columns.update(zip(QUATERNION, (quaternions / lengths[:, None]).T, strict=True))

@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from armtrue.errors import ForeignError, InputError, did_you_mean
-from armtrue.io.columns import POSITION, QUATERNION, UNITS, ColumnNames
+from armtrue.io.columns import POSITION, QUATERNION, UNITS, ColumnNames, contract_name
 from armtrue.io.delimited import Dialect, read_header
 from armtrue.io.files import named_in
 from armtrue.io.model import EXPRESSION_WORDS, state_names
 from armtrue.io.robot import Robot
-from armtrue.io.sensor_names import contract_name
 from armtrue.io.yamlfile import Section, load_yaml
 
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "pipe": "|"}

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.errors import InputError, did_you_mean
+from armtrue.io.columns import contract_name, is_sensor
 from armtrue.io.files import named_in
-from armtrue.io.sensor_names import contract_name, is_sensor
 from armtrue.io.urdf import LARGEST_LIMIT_RAD, UrdfChain, read_urdf_chain
 from armtrue.io.yamlfile import Section, load_yaml
 from armtrue.units import plural
