@@ -166,6 +166,7 @@ def _unused_bits(value: Value) -> int:
 class Builder:
     """Collects records; joints are named by 0-based numbers."""
 
+    harmonics: Harmonics = field(default_factory=Harmonics)
     # kind, index, mass set → slot
     states: dict[tuple[State, int, int], Value] = field(default_factory=dict)
     nodes: list[NodeSpec] = field(default_factory=list)
@@ -174,7 +175,6 @@ class Builder:
     terms: list[tuple[int, Value, int, bool]] = field(default_factory=list)
     data: bytearray = field(default_factory=bytearray)
     axis_slots: list[tuple[int, Value]] = field(default_factory=list)  # offsets in data where slot numbers go
-    harmonics: Harmonics = field(default_factory=Harmonics)
     _node_values: dict[NodeSpec, Value] = field(default_factory=dict)
     _axes: dict[int, list[Value]] = field(default_factory=dict)  # of the grid of a node's number
 

@@ -19,7 +19,7 @@ from armtrue.tables.builder import Builder, CannotCompileError, Harmonics, Value
 from armtrue.tables.compiler import Compiler, int_exponent
 from armtrue.tables.fitted import FittedArm, Grid
 from armtrue.tables.fixedpoint import mantissa_and_shift, to_fixed
-from armtrue.tables.gravity_sets import GravitySets, gravity_variable
+from armtrue.tables.gravity_sets import GravitySets, Reading, gravity_variable
 from armtrue.tables.layout import Section, State
 from armtrue.tables.reference import Reference, Surroundings
 
@@ -74,13 +74,7 @@ def export(arm: FittedArm, options: ExportOptions, path: object = "fit") -> Expo
     Errors: InputError naming what the format cannot hold. `path` is for messages.
     """
     exported = _Exporter(arm, options, path).run()
-    _check_as_a_device(exported.image, path)
-    return exported
-
-
-def _check_as_a_device(image: bytes, path: object) -> None:
-    """Errors: InputError where the firmware's own reader refuses `image`."""
-    verdict = fixed.validate(image)
+    image, verdict = exported.image, fixed.validate(exported.image)
     if verdict.refusal == fixed.TOO_COSTLY:
         raise InputError(
             f"{path}: found a model that takes up to {fixed.cycle_cost(image)} instructions of a control cycle, "
@@ -91,6 +85,7 @@ def _check_as_a_device(image: bytes, path: object) -> None:
             f"{path}: found a table that no device would take ({verdict.reason}, byte {verdict.field}), "
             "expected values within docs/table-format.md; check the options and the fit's parameters"
         )
+    return exported
 
 
 class _Exporter:
@@ -100,11 +95,9 @@ class _Exporter:
         self.options = options
         self.path = path
         self.notes: list[str] = []
-        self.builder = Builder(harmonics=Harmonics(passive=self.chain.passive))
-        alone = [k for k in range(self.chain.joint_count) if np.count_nonzero(self.chain.coupling[k]) == 1]
-        self.builder.harmonics.link_offsets = {
-            k: float(self.chain.offset[k]) for k in alone if not self.chain.prismatic[k]
-        }
+        alone = np.flatnonzero(np.count_nonzero(self.chain.coupling, axis=1) == 1).tolist()
+        offsets = {k: float(self.chain.offset[k]) for k in alone if not self.chain.prismatic[k]}
+        self.builder = Builder(Harmonics(passive=self.chain.passive, link_offsets=offsets))
         self.rotation_length_m = 0.25 * self.chain.reach_m if options.full_pose else None
         self.tool = self._tool_name()
         self.payload_max_kg = self._payload_max()
@@ -228,37 +221,30 @@ class _Exporter:
             return builder.state(State.PAYLOAD, 0, 0.0, self.payload_max_kg)
         if name == "time":
             return builder.state(State.TIME, 0, 0.0, _TIME_RANGE_S)
-        if name == "dT" and self.chain.sensors:
-            return builder.state(State.TEMPERATURE, 0, -_TEMPERATURE_RANGE_K, _TEMPERATURE_RANGE_K)
-        if name.startswith("dT_") and name[3:] in self.chain.sensors:
-            sensor = self.chain.sensors.index(name[3:])
-            return builder.state(State.TEMPERATURE, sensor, -_TEMPERATURE_RANGE_K, _TEMPERATURE_RANGE_K)
-        found = self.gravity.reading(name)
-        if found is not None:
-            mass_set, reading = found
-            low_g, high_g = self._ranges[name]
-            return builder.state(
-                reading.kind, reading.joint, low_g, high_g, mass_set, self.gravity.sets[mass_set].fraction
-            )
+        sensor = {f"dT_{sensor}": number for number, sensor in enumerate(self.chain.sensors)}.get(name)
+        if sensor is not None or (name == "dT" and self.chain.sensors):
+            return builder.state(State.TEMPERATURE, sensor or 0, -_TEMPERATURE_RANGE_K, _TEMPERATURE_RANGE_K)
+        if (found := self.gravity.reading(name)) is not None:
+            return self._gravity_state(*found, *self._ranges[name])
         if name.startswith(("tau", "gm", "bm")):
             raise CannotCompileError(
                 f"'{name}' was measured, and robot.yaml gives no masses from which a device could compute it"
             )
         raise CannotCompileError(f"a device does not know '{name}'")
 
+    def _gravity_state(self, mass_set: int, reading: Reading, low: float, high: float) -> Value:
+        fraction = self.gravity.sets[mass_set].fraction
+        return self.builder.state(reading.kind, reading.joint, low, high, mass_set, fraction)
+
     def _angle_source(self, name: str) -> int | None:
         match = _JOINT_VARIABLE.match(name)
         if match is None or match[1] == "dir":
             return None
         k = int(match[2]) - 1
+        # Couplings are between turning joints (`_check_arm`).
         if k >= self.chain.joint_count or self.chain.prismatic[k]:
             return None
-        if match[1] == "q":
-            return k
-        driven_by_sliding = any(
-            self.chain.prismatic[j] for j in np.flatnonzero(self.chain.coupling[k]) if j != k
-        )
-        return None if driven_by_sliding else layout.LINK_ANGLE + k
+        return k if match[1] == "q" else layout.LINK_ANGLE + k
 
     def _compile_terms(self) -> None:
         regressors: dict[str, dict[str, float]] = defaultdict(dict)
@@ -301,19 +287,14 @@ class _Exporter:
                 continue
             names = ", ".join(effects[coordinate, tree]) or "unknown"
             with _naming(f"effect {names}, a term on {coordinate}"):
-                self._compile_term(compiler, number, tree, coefficient)
+                wave = compiler.as_wave(tree)
+                if wave is not None:
+                    self.builder.harmonics.add(number, *wave, coefficient)
+                    continue
+                value = compiler.compile(tree, coefficient)
+                self.builder.add_term(number, value, coefficient, self._slope(tree, coefficient))
         self._add_grids()
         self.notes += compiler.notes
-
-    def _compile_term(
-        self, compiler: Compiler, number: int, tree: expression.Tree, coefficient: float
-    ) -> None:
-        wave = compiler.as_wave(tree)
-        if wave is not None:
-            self.builder.harmonics.add(number, *wave, coefficient)
-            return
-        value = compiler.compile(tree, coefficient)
-        self.builder.add_term(number, value, coefficient, self._slope(tree, coefficient))
 
     def _coordinate_number(self, coordinate: str) -> int | None:
         """Number of a coordinate; None for another tool than the active one."""
@@ -321,13 +302,11 @@ class _Exporter:
             return None
         return layout.coordinate_number(coordinate)
 
-    def _add_combined(self, combined: dict[str, Any]) -> None:
+    def _add_combined(self, combined: dict[str, dict[Reading, int]]) -> None:
         for coordinate, readings in combined.items():
             for reading, mass_set in readings.items():
                 # The mass set contains the coefficients, so the state variable is the sum itself, in rad.
-                value = self.builder.state(
-                    reading.kind, reading.joint, -0.5, 0.5, mass_set, self.gravity.sets[mass_set].fraction
-                )
+                value = self._gravity_state(mass_set, reading, -0.5, 0.5)
                 with _naming(f"gravity regressors on {coordinate}"):
                     self.builder.add_term(layout.coordinate_number(coordinate), value, 1.0)
 
@@ -364,10 +343,9 @@ class _Exporter:
     def _slope(self, tree: expression.Tree, coefficient: float) -> float:
         """Largest slope of a term over any one joint [rad/rad]; gravity is taken as constant."""
         joints = [name for name in tree.variables() if name[0] == "q" or name.startswith("th")]
-        columns = dict(self._samples)
+        columns, step = self._samples, 1e-5
         largest = 0.0
         for name in joints:
-            step = 1e-5
             moved = {**columns, name: columns[name] + step}
             with np.errstate(all="ignore"):
                 change = np.abs(expression.evaluate(tree, moved) - expression.evaluate(tree, columns)) / step
@@ -606,11 +584,9 @@ class _Exporter:
             return np.full(n, self.options.max_correction)
         reference = Reference(self.arm, self.tool)
         poses = self._random_poses(2)
+        warm = np.full(len(poses), self.chain.temperature_reference + 15.0)
         around = Surroundings(
-            {
-                sensor: np.full(len(poses), self.chain.temperature_reference + 15.0)
-                for sensor in self.chain.sensors
-            },
+            dict.fromkeys(self.chain.sensors, warm),
             payload=np.where(np.arange(len(poses)) % 2 == 0, 0.0, self.payload_max_kg),
             time=np.where(np.arange(len(poses)) % 3 == 0, 0.0, 4e4),
             direction=np.random.default_rng(3).choice([-1.0, 1.0], poses.shape),

@@ -140,7 +140,7 @@ def as_affine(tree: Tree) -> tuple[dict[str, float], float] | None:
             constant += factor * part.value
         else:
             return None
-    return total, constant
+    return {name: factor for name, factor in total.items() if factor != 0.0}, constant
 
 
 def factors(tree: Tree) -> tuple[float, list[tuple[Tree, int]]]:

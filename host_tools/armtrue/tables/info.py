@@ -30,6 +30,7 @@ def describe(image: Image) -> dict[str, Any]:
     """Everything that `armtrue tables info` prints."""
     header = image.header
     nodes = image.nodes()
+    tools = list(image.tools())
     return {
         "format_version": header["version"],
         "bytes": len(image.bytes),
@@ -43,8 +44,8 @@ def describe(image: Image) -> dict[str, Any]:
         "blend_ms": header["blend_ms"],
         "damping_m_per_rad": image.damping_m,
         "rotation_length_m": image.rotation_length_m,
-        "tools": list(image.tools()),
-        "active_tool": list(image.tools())[header["active_tool"]],
+        "tools": tools,
+        "active_tool": tools[header["active_tool"]],
         "sensors_reference_degc": image.sensors(),
         "needs": sorted(image.needs()),
         "loads_act_at": image.loads_act_at(),
