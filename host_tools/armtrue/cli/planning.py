@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 _MOST_POSES = 2000
 _DISTINCT_SHOWN = 6
+_RANKS = ("weakest", "second weakest", "third weakest")
 
 
 def plan(
@@ -326,10 +327,11 @@ def _present_campaign(plan: Plan, output: Output) -> None:
         "error of predictions, RMS over the reach [µm]",
         *(f"{entry['prediction_rms_um']:.1f}" for entry in shown.values()),
     )
+    eigenvalues = [entry["eigenvalues_per_m2"] for entry in shown.values()]
     for which, place in (("largest", -1), ("median", None), ("smallest", 0)):
         table.add_row(
             f"{which} eigenvalue of the Fisher information [1/m²]",
-            *(f"{_eigenvalue(entry, place):.2e}" for entry in shown.values()),
+            *(f"{values[len(values) // 2 if place is None else place]:.2e}" for values in eigenvalues),
         )
     for rank in range(len(information["planned"]["weakest"])):
         table.add_row(
@@ -346,14 +348,6 @@ def _present_campaign(plan: Plan, output: Output) -> None:
             "equivalent to another one at every pose: held at nominal."
         )
     output.items(figures.get("weak", []), "What poses of this arm hardly determine")
-
-
-_RANKS = ("weakest", "second weakest", "third weakest")
-
-
-def _eigenvalue(entry: dict[str, Any], place: int | None) -> float:
-    values = entry["eigenvalues_per_m2"]
-    return float(values[len(values) // 2 if place is None else place])
 
 
 def _levels(given: list[str], robot: Robot) -> dict[str, list[float]]:

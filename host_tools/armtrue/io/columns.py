@@ -116,10 +116,6 @@ class ColumnNames:
             return False
         return match[3] is None or 1 <= int(match[3]) <= self.robot.joint_count
 
-    def is_direction(self, name: str) -> bool:
-        """True for `dir1…dirn`."""
-        return name.startswith("dir") and self.kind(name) is not None
-
     def joint_beyond_arm(self, name: str) -> bool:
         """True for `q7` and its like on a six-axis arm."""
         match = _PER_JOINT.match(name)

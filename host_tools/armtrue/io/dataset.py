@@ -410,7 +410,9 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
         text_headers.add(layout.time.header)
     others = _variables_of_others(layout, names)
     directions_of = {
-        int(name[3:]): source.header for name, source in layout.numbers.items() if names.is_direction(name)
+        int(name[3:]): source.header
+        for name, source in layout.numbers.items()
+        if name.startswith("dir") and names.kind(name)
     }
     raw = read_columns(
         layout.file,
@@ -450,8 +452,11 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
     for name, header in layout.texts.items():
         texts = _named(name, header, raw, layout)
         if texts:
-            labels[name], codes = _codes(texts)
-            columns[name] = codes
+            number: dict[str, int] = {}
+            columns[name] = np.array(
+                [number.setdefault(text, len(number)) for text in texts], dtype=np.float64
+            )
+            labels[name] = list(number)
     rows, turns = raw.rows, None
     if layout.rotation and layout.rotation.form == "euler":
         turns = _rotation_values(layout.rotation, raw)
@@ -475,13 +480,12 @@ def _why_apart(header: str, taken: bool, raw: RawColumns, names: ColumnNames, la
         )
     why = "" if taken else _why_unused(header, raw, names)
     use = f"not used: {why}" if why else "a variable for custom effects and the search"
-    likely = [name for name in names.all() if name not in layout.names() and _is_near(header, name)]
+    absent = [name for name in names.all() if name not in layout.names()]
+    # Strict, as short names share half their letters with many words.
+    likely = [
+        name for name in absent if SequenceMatcher(None, header.lower(), name.lower()).ratio() >= _ALIKE
+    ]
     return f"is not one of the contract's and is {use}{did_you_mean(header, likely)}"
-
-
-def _is_near(header: str, name: str) -> bool:
-    """True if `header` may be a misspelt `name`; strict, as short names share half their letters with many words."""
-    return SequenceMatcher(None, header.lower(), name.lower()).ratio() >= _ALIKE
 
 
 def _why_unused(header: str, raw: RawColumns, names: ColumnNames) -> str:
@@ -532,13 +536,6 @@ def _named(name: str, header: str, raw: RawColumns, layout: Layout) -> list[str]
     raise RowError(
         row, f"{layout.file} row {row} column {header}: found nothing, expected the reflector's name"
     )
-
-
-def _codes(texts: list[str]) -> tuple[list[str], Array]:
-    """Names in order of first appearance, and the number of each entry's name."""
-    number: dict[str, int] = {}
-    codes = np.array([number.setdefault(text, len(number)) for text in texts], dtype=np.float64)
-    return list(number), codes
 
 
 def _times(source: TimeSource, raw: RawColumns, layout: Layout, notes: list[str]) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.errors import InputError, did_you_mean, shorten
-from armtrue.io.catalogue import EffectInfo, catalogue
+from armtrue.io.catalogue import catalogue
 from armtrue.io.columns import ColumnNames
 from armtrue.io.robot import LARGEST_LEAD_M, Robot
 from armtrue.io.yamlfile import Section, load_yaml
@@ -126,7 +126,9 @@ def _effect(section: Section, robot: Robot, columns: Collection[str]) -> dict[st
     info = known[effect_id]
     effect: dict[str, Any] = {"effect": effect_id}
     if section.has("joints"):
-        effect["joints"] = _joints(section, info, robot)
+        if info.joints == "none":
+            raise section.fail("joints", f"no joints, as {info.id} belongs to none")
+        effect["joints"] = section.joints("joints", robot.joint_count, 2 if info.joints == "pair" else None)
     if info.role == "custom":
         effect.update(_custom(section, robot, columns))
     for option, (kind, _) in info.options.items():
@@ -134,12 +136,6 @@ def _effect(section: Section, robot: Robot, columns: Collection[str]) -> dict[st
             effect[option] = _option(section, option, kind)
     section.finish()
     return effect
-
-
-def _joints(section: Section, info: EffectInfo, robot: Robot) -> list[int]:
-    if info.joints == "none":
-        raise section.fail("joints", f"no joints, as {info.id} belongs to none")
-    return section.joints("joints", robot.joint_count, count=2 if info.joints == "pair" else None)
 
 
 def _option(section: Section, option: str, kind: str) -> Any:

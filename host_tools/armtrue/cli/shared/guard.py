@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import math
 import re
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -46,61 +47,46 @@ def _told_of_closed_pipe() -> Iterator[None]:
         raise ReaderGoneError from None
 
 
-def refuse_not_finite(command: click.Command, parameters: dict[str, Any]) -> None:
+def _refuse_not_finite(command: click.Command, parameters: dict[str, Any]) -> None:
     """Raise InputError for an option of `command` whose value is NaN or infinite.
 
     Click's ranges let NaN through, as it is neither below nor above anything: a timeout of NaN never ends.
     """
     for parameter in command.params:
-        value = parameters.get(parameter.name or "")
+        value, kind = parameters.get(parameter.name or ""), parameter.type
         for number in value if isinstance(value, list | tuple) else (value,):
             if isinstance(number, float) and not math.isfinite(number):
-                raise InputError(f"{parameter.opts[0]}: found {number}, expected {_expected(parameter.type)}")
+                expected = "a finite number"
+                if isinstance(kind, click.FloatRange) and kind.min is not None and kind.max is not None:
+                    expected = f"{kind.min:g} to {kind.max:g}"
+                raise InputError(f"{parameter.opts[0]}: found {number}, expected {expected}")
 
 
-def _expected(kind: click.ParamType) -> str:
-    if isinstance(kind, click.FloatRange) and kind.min is not None and kind.max is not None:
-        return f"{kind.min:g} to {kind.max:g}"
-    return "a finite number"
+def _refuse_clashes(command: str, files: dict[str, list[Path]]) -> None:
+    """Raise InputError if `command` would overwrite a file that it reads, or write one file twice.
 
-
-def refuse_clashes(command: str, parameters: dict[str, Any]) -> None:
-    """Raise InputError if `command` with `parameters` would overwrite a file that it reads, or write one file twice."""
-    reads = [path for name, value in parameters.items() if name not in _WRITTEN for path in _paths(value)]
-    if command in _BESIDE_TABLES:
-        reads += [_beside(path, _BESIDE_TABLES[command]) for path in _paths(parameters.get("tables"))]
-    writes: list[Path] = []
-    for name in _WRITTEN & set(parameters):
-        value = parameters[name]
-        if value is not None and str(value) != "-":
-            writes.append(Path(value))
-    if command in _BESIDE_OUT:
-        writes += [_beside(path, _BESIDE_OUT[command]) for path in _paths(parameters.get("out"))]
-    if command in _IN_PLACE:
-        fit = parameters.get("fit_file")
-        out = parameters.get("out")
-        in_place = fit is not None and out is not None and Path(fit).resolve() == Path(out).resolve()
-        reads = [path for path in reads if not (in_place and path == fit)]
+    `files`: those of each parameter that names any.
+    """
+    reads = [path for name, paths in files.items() if name not in _WRITTEN for path in paths]
+    reads += [
+        Path(f"{path}{_BESIDE_TABLES[command]}") for path in files["tables"] if command in _BESIDE_TABLES
+    ]
+    writes = [path for name in _WRITTEN for path in files[name]]
+    writes += [Path(f"{path}{_BESIDE_OUT[command]}") for path in files["out"] if command in _BESIDE_OUT]
+    if command in _IN_PLACE and [path.resolve() for path in files["fit_file"]] == [
+        path.resolve() for path in files["out"]
+    ]:
+        reads = [path for path in reads if path not in files["fit_file"]]
     refuse_to_lose(reads, writes)
     if command not in ("init", "simulate"):
         for path in writes:
             check_writable(path)
 
 
-def _as_paths(value: Any) -> Any:
-    if value is None:
-        return None
-    return [Path(one) for one in value] if isinstance(value, list | tuple) else Path(value)
-
-
 def _paths(value: Any) -> list[Path]:
-    if isinstance(value, Path):
-        return [value]
-    return [path for path in value if isinstance(path, Path)] if isinstance(value, list | tuple) else []
-
-
-def _beside(path: Path, suffix: str) -> Path:
-    return Path(f"{path}{suffix}")  # not with_name, which fails for '.'
+    if value is None or value == "-":
+        return []
+    return [Path(one) for one in value] if isinstance(value, list | tuple) else [Path(value)]
 
 
 # Help in plain text: importing Rich takes a fifth of a second, and it takes a unit in brackets for markup.
@@ -183,30 +169,26 @@ class GuardedGroup(typer.core.TyperGroup):
 _EXAMPLE = re.compile(r"Example: .*?(?=\n\s*\n|\Z)", re.DOTALL)
 
 
-def _on_one_line(example: re.Match[str]) -> str:
-    """The example on one line, marked so that Click does not wrap it: users paste it."""
-    return "\b\n" + " ".join(example[0].split())
-
-
 def _guard(name: str, command: click.Command) -> None:
-    """Make `command`, or its subcommands, check for finite numbers and by `refuse_clashes` before they begin."""
+    """Make `command`, or its subcommands, check for finite numbers and by `_refuse_clashes` before they begin."""
     if isinstance(command, click.Group):
         command.format_commands = partial(_list_commands, command)  # type: ignore[method-assign]
         for under, own in command.commands.items():
             _guard(under, own)
         return
-    command.help = re.sub(_EXAMPLE, _on_one_line, command.help or "")
+    # Each example is on one line, marked so that Click does not wrap it: users paste it.
+    command.help = _EXAMPLE.sub(lambda found: "\b\n" + " ".join(found[0].split()), command.help or "")
     for parameter in command.params:
         if parameter.default is None:
             parameter.show_default = False  # type: ignore[attr-defined]
     run = command.invoke
-    named = {parameter.name for parameter in command.params if isinstance(parameter.type, click.Path)}
+    named = {own.name for own in command.params if isinstance(own.type, click.Path) or own.name in _WRITTEN}
 
     def invoke(ctx: click.Context) -> Any:
-        refuse_not_finite(command, ctx.params)
+        _refuse_not_finite(command, ctx.params)
         # Typer converts arguments to paths only when it calls the command's function.
-        words = {key: _as_paths(value) if key in named else value for key, value in ctx.params.items()}
-        refuse_clashes(name, words)
+        files = {key: _paths(value) for key, value in ctx.params.items() if key in named}
+        _refuse_clashes(name, defaultdict(list, files))
         return run(ctx)
 
     command.invoke = invoke  # type: ignore[method-assign]

@@ -12,7 +12,7 @@ from typing import Any
 
 from rich.cells import cell_len
 from rich.console import Console
-from rich.progress import BarColumn, Progress, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, Task, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -99,9 +99,9 @@ class Output:
             write_file(Path(self._json_to), text)
 
 
-def plain_table(*headers: str, title: str | None = None) -> Table:
+def plain_table(*headers: str) -> Table:
     """A table with text in the first column and figures in the others."""
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
+    table = Table(box=None, pad_edge=False, header_style="bold")
     for number, header in enumerate(headers):
         table.add_column(header, justify="left" if number == 0 else "right", no_wrap=number > 0)
     return table
@@ -142,9 +142,9 @@ def waiting(output: Output) -> Iterator[progress_protocol.Progress]:
     The bar is on stderr if `output` does not go to a terminal.
     """
     bar = Progress(
-        TextColumn("{task.description}"),
+        "{task.description}",
         BarColumn(_BAR_WIDTH),
-        TextColumn("{task.percentage:.0f} %"),
+        "{task.percentage:.0f} %",
         TimeElapsedColumn(),
         _Remaining(),
         # One console for both, so that a line printed meanwhile goes above the bar and not into it.
