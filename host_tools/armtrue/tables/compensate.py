@@ -122,7 +122,11 @@ def compensate(
         corrected = joints + np.round((corrected - joints) * per_unit) / per_unit
     kept = None if arm is None else remainder(arm, data.rows, (joints, corrected), around, tool)
     if engine is Engine.FIXED:  # the double engine notes the remaining error itself
-        words = _unknown(tables, fit) if kept is None else kept.words()
+        unknown = (
+            f"how far rows stay from their points is not known: {sidecar(tables).name if fit is None else fit} is not "
+            f"the fit that {tables.name} was made from; --fit names another file"
+        )
+        words = unknown if kept is None else kept.words()
         notes += [words] if words else []
     limits = _limits(document, image)
     reported_from_drives = np.linalg.inv(robot.drives_from_reported)
@@ -156,14 +160,6 @@ def _made_from(tables: Path, fit: Path | None, image: Image) -> tuple[dict[str, 
     if arm.digest != image.header["fit_digest"]:
         raise InputError(f"{place}: found another fit than the one that {tables} was made from")
     return document, arm
-
-
-def _unknown(tables: Path, fit: Path | None) -> str:
-    place = sidecar(tables).name if fit is None else fit
-    return (
-        f"how far rows stay from their points is not known: {place} is not the fit that {tables.name} was made from; "
-        "--fit names another file"
-    )
 
 
 def _limits(document: dict[str, Any], image: Image) -> Array:
@@ -231,9 +227,8 @@ def _double(
     if not count:
         return corrected, []
     position, attitude = 1e6 * left[~is_reached].max(axis=0)
-    words = f"up to {position:.1f} µm" + (
-        "" if image.rotation_length_m is None else f" and {attitude:.1f} µrad"
-    )
+    turned = "" if image.rotation_length_m is None else f" and {attitude:.1f} µrad"
+    words = f"up to {position:.1f} µm{turned}"
     why = _too_few_axes(image) or "they are close to a singularity or at the end of the reach"
     return corrected, [f"{count} of {len(joints)} poses do not reach their target, {words} are left: {why}"]
 
@@ -312,16 +307,17 @@ def _outside(by: Array, where: str) -> str:
 
 def _surroundings(image: Image, data: Dataset, clock: _Clock) -> tuple[Surroundings, list[str]]:
     columns = data.columns
+    missing: dict[str, list[str]] = {}  # by kind
+    for name in sorted(image.needs() - columns.keys()):
+        missing.setdefault(name.split("_")[0].rstrip("0123456789"), []).append(name)
     notes = [
-        f"{data.path.name} has no {names}: {neutral} is taken"
-        for names, neutral in _missing(image.needs() - columns.keys())
+        f"{data.path.name} has no {', '.join(group)}: {_NEUTRAL[kind]} is taken"
+        for kind, group in missing.items()
     ]
-    n = image.joint_count
-    directions = [columns.get(f"dir{k}") for k in range(1, n + 1)]
+    names = [f"dir{k + 1}" for k in range(image.joint_count)]
     direction = None
-    if any(column is not None for column in directions):
-        zero = np.zeros(data.count)
-        direction = np.column_stack([zero if column is None else column for column in directions])
+    if columns.keys() & names:
+        direction = np.column_stack([columns.get(name, np.zeros(data.count)) for name in names])
     times = columns.get("time") if "time" in image.needs() else None
     if times is not None:
         notes += clock.notes(times, data.path.name)
@@ -335,17 +331,8 @@ def _surroundings(image: Image, data: Dataset, clock: _Clock) -> tuple[Surroundi
     return around, notes
 
 
-def _missing(names: set[str]) -> list[tuple[str, str]]:
-    """Missing columns and their neutral values in words, one entry per kind."""
-    by_kind: dict[str, list[str]] = {}
-    for name in sorted(names):
-        by_kind.setdefault(name.split("_")[0].rstrip("0123456789"), []).append(name)
-    return [(", ".join(group), _NEUTRAL[kind]) for kind, group in by_kind.items()]
-
-
 def _tool_numbers(image: Image, data: Dataset) -> NDArray[np.uint8]:
     names = list(image.tools())
-    default = np.full(data.count, image.header["active_tool"], dtype=np.uint8)
     if "target" not in data.columns or len(names) == 1:
-        return default
+        return np.full(data.count, image.header["active_tool"], dtype=np.uint8)
     return data.reflectors_among(names, "the table's").astype(np.uint8)
