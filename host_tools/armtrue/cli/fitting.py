@@ -160,7 +160,12 @@ def remove(
 
 def _keep_change(before: Fit, after: Fit, out: Path, output: Output) -> None:
     after.save(out)
-    present_fall(before, after, output)
+    table = plain_table("error [µm]", *ERROR_FIGURES.values())
+    for name, fitted in (("before", before), ("after", after)):
+        for part in ("train", "held_out"):
+            table.add_row(f"{name}, {PARTS_OF_ERROR[part]}", *error_words(fitted.document["error"][part]))
+    output.table(table)
+    output.say(floor_sentence(after.document))
     output.say(f"\nwritten: {out}")
     output.figures({"before": before.document["error"], **summary(after)})
 
@@ -247,16 +252,6 @@ def present_fit(result: Fit, output: Output, all_parameters: bool = False) -> No
         output.say(f"  {rows}{more}")
     output.items(document.get("unobservable", []), "What the data cannot tell")
     output.items(document.get("warnings", []), "Warnings")
-
-
-def present_fall(before: Fit, after: Fit, output: Output) -> None:
-    """Print the error before and after a change."""
-    table = plain_table("error [µm]", *ERROR_FIGURES.values())
-    for name, fitted in (("before", before), ("after", after)):
-        for part in ("train", "held_out"):
-            table.add_row(f"{name}, {PARTS_OF_ERROR[part]}", *error_words(fitted.document["error"][part]))
-    output.table(table)
-    output.say(floor_sentence(after.document))
 
 
 def _error_table(document: dict[str, Any]) -> Any:

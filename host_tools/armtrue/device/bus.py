@@ -36,7 +36,11 @@ class BusOptions:
         Raises InputError for an extra that is not KEY=VALUE or that the interface does not have, and for a bit rate
         that is not above zero.
         """
-        known = _option_names(self.interface)
+        known: list[str] = []
+        if self.interface in _OPTIONS_ARE_PARAMETERS:
+            module, name = BACKENDS[self.interface]
+            parameters = inspect.signature(getattr(importlib.import_module(module), name)).parameters.values()
+            known = sorted(p.name for p in parameters if p.kind is not p.VAR_KEYWORD and p.name != "channel")
         rates = {"bitrate": self.bitrate, "fd": self.fd or None, "data_bitrate": self.data_bitrate}
         found: dict[str, Any] = {"interface": self.interface, "channel": self.channel}
         found |= {key: value for key, value in rates.items() if value is not None}
@@ -56,15 +60,6 @@ class BusOptions:
                     f"--{rate.replace('_', '-')}: found {found[rate]}, expected a whole number of bit/s above 0"
                 )
         return found
-
-
-def _option_names(interface: str) -> list[str]:
-    """The options of an interface that has only its constructor's parameters; empty for any other interface."""
-    if interface not in _OPTIONS_ARE_PARAMETERS:
-        return []
-    module, name = BACKENDS[interface]
-    parameters = inspect.signature(getattr(importlib.import_module(module), name)).parameters.values()
-    return sorted(p.name for p in parameters if p.kind is not p.VAR_KEYWORD and p.name != "channel")
 
 
 def open_bus(options: BusOptions) -> can.BusABC:

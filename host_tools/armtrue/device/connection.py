@@ -63,11 +63,9 @@ class Connection:
                 yield bus
             finally:
                 bus.shutdown()
-        except DeviceRefusedError as refusal:
-            print(f"armtrue: {refusal}", file=sys.stderr)
-            raise typer.Exit(REFUSED) from None
-        except SdoAbortError as refusal:
-            print(f"armtrue: the device refused: {refusal}", file=sys.stderr)
+        except (DeviceRefusedError, SdoAbortError) as refusal:
+            begins = "the device refused: " if isinstance(refusal, SdoAbortError) else ""
+            print(f"armtrue: {begins}{refusal}", file=sys.stderr)
             raise typer.Exit(REFUSED) from None
         except (CommunicationError, can.CanError) as problem:
             print(f"armtrue: {' '.join(str(problem).split())}", file=sys.stderr)
@@ -97,7 +95,5 @@ def on_a_bus(command: Callable[..., None]) -> Callable[..., None]:
         parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in [*own, *shared.values()]
     ]
     wrapped.__signature__ = signature.replace(parameters=by_name)  # type: ignore[attr-defined]
-    wrapped.__annotations__ = {parameter.name: parameter.annotation for parameter in by_name} | {
-        "return": None
-    }
+    wrapped.__annotations__ = {parameter.name: parameter.annotation for parameter in by_name}
     return wrapped

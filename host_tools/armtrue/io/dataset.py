@@ -35,7 +35,7 @@ from armtrue.io.layout import (
     yaml_layout,
 )
 from armtrue.io.model import EXPRESSION_WORDS, state_names
-from armtrue.io.plausible import WrongUnitError, refuse_lost, refuse_wrong_units
+from armtrue.io.plausible import WrongUnitError, refuse_wrong_units
 from armtrue.io.robot import Robot
 from armtrue.io.ways import directions, travels
 from armtrue.units import plural
@@ -177,8 +177,13 @@ def load_data(
             if data.count == 0:
                 raise InputError(f"{layout.file}: found no rows of measurements, expected at least one")
             _check_values(data)
-            if strict:
-                refuse_lost(data.file, data.rows[data.lost])
+            if strict and data.lost.any():
+                row = int(data.rows[data.lost][0])
+                raise RowError(
+                    row,
+                    f"{data.file} row {row} columns x, y, z: found 0, 0, 0, which instruments write that have lost "
+                    "their reflector, expected a measured position",
+                )
             break
         except RowError as error:
             if not skip_bad:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.arrays import Array
-from armtrue.errors import InputError, RowError
+from armtrue.errors import InputError
 from armtrue.io.columns import POSITION
 from armtrue.io.robot import Robot
 from armtrue.units import plural
@@ -38,16 +38,6 @@ class WrongUnitError(InputError):
     def __init__(self, column: str, message: str) -> None:
         super().__init__(message)
         self.of_geometry = column in POSITION or column.startswith("q")
-
-
-def refuse_lost(file: Path, rows: NDArray[np.int64]) -> None:
-    """Refuse the first of the file's `rows` whose x, y and z are 0. Errors: RowError."""
-    if rows.size:
-        raise RowError(
-            int(rows[0]),
-            f"{file} row {rows[0]} columns x, y, z: found 0, 0, 0, which instruments write that have lost their "
-            "reflector, expected a measured position",
-        )
 
 
 def joint_bounds(joint: dict[str, object]) -> tuple[float, float]:

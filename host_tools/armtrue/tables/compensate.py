@@ -184,9 +184,7 @@ def intended_points(image: Image, joints: Array, tool: NDArray[np.uint8]) -> Arr
 def _fixed(
     image: Image, joints: Array, around: Surroundings, tool: NDArray[np.uint8]
 ) -> tuple[Array, list[str]]:
-    chain = image.chain()
-    engine = fixed.FixedEngine(image.bytes, chain.prismatic, chain.sensors, chain.temperature_reference)
-    result = engine.solve(joints, around, tool)
+    result = fixed.FixedEngine(image.bytes, image.chain()).solve(joints, around, tool)
     notes = []
     for flag, words in _FLAGS:
         count = int(np.count_nonzero(result.flags & flag))

@@ -77,7 +77,7 @@ def worst_error() -> Worst:
         )
         reference = Reference(arm, "")
         exact = reference.coordinates(reference.state(joints, around))[coordinate]
-        engine = FixedEngine(image, arm.chain.prismatic, arm.chain.sensors, arm.chain.temperature_reference)
+        engine = FixedEngine(image, arm.chain)
         found = engine.coordinates(joints, around)[:, layout.coordinate_number(coordinate)]
         assert np.abs(exact).max() > 1e-6
         return float(np.abs(found - exact).max())

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.tables import layout
+from armtrue.tables.chain import Chain
 from armtrue.tables.reference import Surroundings
 
 TOO_COSTLY = 20  # Refusal::kTooCostly
@@ -97,18 +98,14 @@ class Corrected:
 
 
 class FixedEngine:
-    """Corrects poses with an image that `validate` accepted.
+    """Corrects poses with an image of the arm `chain` that `validate` accepted."""
 
-    `prismatic`: per joint. `sensors`: names in the image's order. `reference_degc`: of the sensors.
-    """
-
-    def __init__(
-        self, image: bytes, prismatic: list[bool], sensors: list[str], reference_degc: float
-    ) -> None:
+    def __init__(self, image: bytes, chain: Chain) -> None:
         self.image = image
-        self.sensors = sensors
-        self.reference_degc = reference_degc
-        self.unit = np.where(prismatic, 1.0, 1.0 / (2.0 * np.pi))  # native units (m or turn) per m or rad
+        self.chain = chain
+        self.unit = np.where(
+            chain.prismatic, 1.0, 1.0 / (2.0 * np.pi)
+        )  # native units (m or turn) per m or rad
 
     def solve(self, joints: Array, around: Surroundings, tool: NDArray[np.uint8] | None = None) -> Corrected:
         """Correct commanded joints (N, n), each row on its own. `tool`: number of each row's tool."""
@@ -169,12 +166,14 @@ class FixedEngine:
 
     def _scaled(self, around: Surroundings, rows: int) -> list[Array | None]:
         """Temperatures (N, sensors), payload and time in the firmware's counts, not yet rounded."""
-        temperature = np.zeros((rows, len(self.sensors)))
-        for s, sensor in enumerate(self.sensors):
+        temperature = np.zeros((rows, len(self.chain.sensors)))
+        for s, sensor in enumerate(self.chain.sensors):
             if sensor in around.temperature:
-                temperature[:, s] = (around.temperature[sensor] - self.reference_degc) * _TEMPERATURE_SCALE
+                temperature[:, s] = (
+                    around.temperature[sensor] - self.chain.temperature_reference
+                ) * _TEMPERATURE_SCALE
         return [
-            temperature if self.sensors else None,
+            temperature if self.chain.sensors else None,
             None if around.payload is None else around.payload * _PAYLOAD_SCALE,
             None if around.time is None else around.time * _TIME_SCALE,
         ]

@@ -61,12 +61,7 @@ def difference_rad(
     around = Surroundings({sensor: np.full(q3.size, 20.0) for sensor in arm.chain.sensors})
     reference = Reference(arm, "")
     exact = reference.coordinates(reference.state(joints, around))["motor3"]
-    engine = FixedEngine(
-        export(arm, ExportOptions()).image,
-        arm.chain.prismatic,
-        arm.chain.sensors,
-        arm.chain.temperature_reference,
-    )
+    engine = FixedEngine(export(arm, ExportOptions()).image, arm.chain)
     return np.asarray(engine.coordinates(joints, around)[:, layout.coordinate_number("motor3")] - exact)
 
 
