@@ -213,15 +213,11 @@ class _Tree:
                 f"{self.path_of_file}: joint '{joint.name}': found type '{joint.type}', "
                 "expected revolute, continuous, prismatic or fixed"
             )
-        row: dict[str, Any] = {
-            "name": joint.name,
-            "type": _JOINT_TYPES[joint.type],
-            **_pose(before),
-            "offset": 0.0,
-        }
+        kind = _JOINT_TYPES[joint.type]
+        row: dict[str, Any] = {"name": joint.name, "type": kind, **_pose(before), "offset": 0.0}
         if joint.type != "continuous" and joint.limit is not None:
             limits = [float(joint.limit.lower or 0.0), float(joint.limit.upper or 0.0)]
-            if row["type"] == "revolute" and max(map(abs, limits)) > LARGEST_LIMIT_RAD:
+            if kind == "revolute" and max(map(abs, limits)) > LARGEST_LIMIT_RAD:
                 raise InputError(
                     f"{self.path_of_file}: joint '{joint.name}' limit: found lower {limits[0]:g}, upper {limits[1]:g}, "
                     "expected radians (these look like degrees)"

@@ -101,9 +101,7 @@ class _Exporter:
         self.rotation_length_m = 0.25 * self.chain.reach_m if options.full_pose else None
         self.tool = self._tool_name()
         self.payload_max_kg = self._payload_max()
-        self.gravity = GravitySets(
-            self.chain, (self.chain.end @ [*arm.payload_point, 1.0])[:3], self.payload_max_kg
-        )
+        self.gravity = GravitySets(self.chain, arm.payload_in_last_link(), self.payload_max_kg)
         self._ranges: dict[str, tuple[float, float]] = {}
         self._samples: dict[str, Array] = {}
 

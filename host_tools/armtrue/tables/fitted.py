@@ -93,6 +93,10 @@ class FittedArm:
     # the reason, and how far each moves the tool [µm RMS].
     stays_behind: dict[str, tuple[str, float | None]] = field(default_factory=dict)
 
+    def payload_in_last_link(self) -> Array:
+        """`payload_point` in the last link's frame, m."""
+        return np.asarray((self.chain.end @ [*self.payload_point, 1.0])[:3])
+
     def variables(self) -> set[str]:
         """State variables that the exported terms read."""
         names: set[str] = set()

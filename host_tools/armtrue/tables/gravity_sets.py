@@ -73,6 +73,11 @@ class MassSet:
     carries_payload: bool = False
     fraction: int = 0
 
+    @classmethod
+    def empty(cls, joint_count: int) -> MassSet:
+        """No masses."""
+        return cls(np.zeros(joint_count), np.zeros((joint_count, 3)))
+
 
 @dataclass
 class GravitySets:
@@ -91,7 +96,7 @@ class GravitySets:
             return None
         if variable.unit not in self._numbers:
             self._numbers[variable.unit] = len(self.sets)
-            self.sets.append(self._masses(variable.unit))
+            self.sets.append(masses_of(variable.unit, self.chain, self.payload_point))
         return self._numbers[variable.unit], variable.reading
 
     def combined(self, coefficients: dict[str, float]) -> dict[Reading, int]:
@@ -103,8 +108,8 @@ class GravitySets:
             assert variable.unit is not None
             if variable.reading not in made:
                 made[variable.reading] = len(self.sets)
-                self.sets.append(self._empty())
-            self._add(self.sets[made[variable.reading]], *variable.unit, coefficient)
+                self.sets.append(MassSet.empty(self.chain.joint_count))
+            _add(self.sets[made[variable.reading]], variable.unit, coefficient, self.payload_point)
         return made
 
     def choose_fractions(self) -> None:
@@ -116,7 +121,9 @@ class GravitySets:
     def is_zero(self, name: str, largest: float) -> bool:
         """True if the gravity variable `name`, at most `largest` in the workspace, is zero except for rounding."""
         variable = gravity_variable(name)
-        return variable is not None and largest < _LAST_PLACE * self._largest(self._masses(variable.unit))
+        assert variable is not None
+        masses = masses_of(variable.unit, self.chain, self.payload_point)
+        return largest < _LAST_PLACE * self._largest(masses)
 
     def _largest(self, mass_set: MassSet) -> float:
         """Upper bound of the moments and torques of `mass_set`: its masses at the arm's reach, under gravity."""
@@ -134,25 +141,23 @@ class GravitySets:
             moments = moments + np.eye(n)[-1] * self.payload_max_kg * np.linalg.norm(self.payload_point)
         return max(weight * float(masses @ reach + moments.sum()), float(masses.sum()))
 
-    def _empty(self) -> MassSet:
-        n = self.chain.joint_count
-        return MassSet(np.zeros(n), np.zeros((n, 3)))
 
-    def _add(self, mass_set: MassSet, link: int, component: str, amount: float) -> None:
-        if component in ("m", "p"):
-            mass_set.masses[link] += amount
-        if component == "p":
-            mass_set.moments[link] += amount * self.payload_point
-        elif component != "m":
-            mass_set.moments[link, "xyz".index(component)] += amount
+def _add(mass_set: MassSet, unit: tuple[int, str], amount: float, payload_point: Array) -> None:
+    link, component = unit
+    if component in ("m", "p"):
+        mass_set.masses[link] += amount
+    if component == "p":
+        mass_set.moments[link] += amount * payload_point
+    elif component != "m":
+        mass_set.moments[link, "xyz".index(component)] += amount
 
-    def _masses(self, unit: tuple[int, str] | None) -> MassSet:
-        """The masses of a variable's `unit`."""
-        if unit is None:
-            assert self.chain.masses is not None
-            assert self.chain.coms is not None
-            moments = self.chain.masses[:, None] * self.chain.coms
-            return MassSet(self.chain.masses.copy(), moments, carries_payload=True)
-        mass_set = self._empty()
-        self._add(mass_set, *unit, 1.0)
-        return mass_set
+
+def masses_of(unit: tuple[int, str] | None, chain: Chain, payload_point: Array) -> MassSet:
+    """The masses of a gravity variable's `unit`, without a payload."""
+    if unit is None:
+        assert chain.masses is not None
+        assert chain.coms is not None
+        return MassSet(chain.masses.copy(), chain.masses[:, None] * chain.coms, carries_payload=True)
+    mass_set = MassSet.empty(chain.joint_count)
+    _add(mass_set, unit, 1.0, payload_point)
+    return mass_set

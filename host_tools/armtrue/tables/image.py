@@ -22,6 +22,14 @@ from armtrue.tables.layout import Node, Section, State
 LARGEST_IMAGE_BYTES = 16 * 1024 * 1024
 
 
+_STATE_NAMES = {
+    State.ONE: "1", State.MOTOR: "q", State.LINK: "th", State.TORQUE: "tau", State.MOMENT_X: "gmx",
+    State.MOMENT_Y: "gmy", State.BASE_MOMENT_X: "bmx", State.BASE_MOMENT_Y: "bmy", State.PAYLOAD: "payload",
+    State.DIRECTION: "dir", State.TIME: "time",
+}  # fmt: skip
+_OF_THE_ARM = (State.ONE, State.BASE_MOMENT_X, State.BASE_MOMENT_Y, State.PAYLOAD, State.TIME)
+
+
 @dataclass(frozen=True)
 class JointRecord:
     """A joint's record in SI units (rad or m)."""
@@ -165,8 +173,9 @@ class Image:
         inner, *_, source, onto, order, phase = nodes[scaled - first]
         if inner is not Node.ANGLE or onto != layout.NONE or phase:
             return None
-        name = f"{'th' if source >= layout.LINK_ANGLE else 'q'}{source % layout.LINK_ANGLE + 1}"
-        return name, 2.0 * np.pi * 2.0 ** (shift + layout.ORDER_FRACTION - 32) / (factor * order)
+        return _angle_name(source), 2.0 * np.pi * 2.0 ** (shift + layout.ORDER_FRACTION - 32) / (
+            factor * order
+        )
 
     def state_name(self, slot: int) -> str:
         """Name of a state variable as docs/model.md has it; `node N` for a slot of the other nodes."""
@@ -175,38 +184,23 @@ class Image:
             found = self._long_angle(slot)
             return found[0] if found else f"node {slot - len(states)}"
         kind, index, mass_set, _ = states[slot]
-        sensors = list(self.sensors())
-        joint = index + 1
+        if kind is State.TEMPERATURE:
+            return f"dT_{list(self.sensors())[index]}"
         own = "" if mass_set == 0 else f" of mass set {mass_set}"
-        return {
-            State.ONE: "1",
-            State.MOTOR: f"q{joint}",
-            State.LINK: f"th{joint}",
-            State.TORQUE: f"tau{joint}{own}",
-            State.MOMENT_X: f"gmx{joint}{own}",
-            State.MOMENT_Y: f"gmy{joint}{own}",
-            State.BASE_MOMENT_X: f"bmx{own}",
-            State.BASE_MOMENT_Y: f"bmy{own}",
-            State.TEMPERATURE: f"dT_{sensors[index]}" if index < len(sensors) else "",
-            State.PAYLOAD: "payload",
-            State.DIRECTION: f"dir{joint}",
-            State.TIME: "time",
-        }[kind]
+        joint = "" if kind in _OF_THE_ARM else index + 1
+        return f"{_STATE_NAMES[kind]}{joint}{own}"
 
     def needs(self) -> set[str]:
         """Columns that the table reads besides the joints: `temp_NAME`, `payload`, `time`, `dirK`."""
         names: set[str] = set()
-        sensors = list(self.sensors())
-        carries = {
-            number for number, flags in enumerate(self._mass_set_flags()) if flags & layout.CARRIES_PAYLOAD
-        }
+        sensors, flags = list(self.sensors()), self._mass_set_flags()
         for kind, index, mass_set, _ in self.states():
             if kind is State.TEMPERATURE:
                 names.add(f"temp_{sensors[index]}")
-            elif kind is State.PAYLOAD or (kind in layout.GRAVITY_KINDS and mass_set in carries):
+            elif kind in layout.GRAVITY_KINDS and flags[mass_set] & layout.CARRIES_PAYLOAD:
                 names.add("payload")
-            elif kind is State.TIME:
-                names.add("time")
+            elif kind in (State.PAYLOAD, State.TIME):
+                names.add(_STATE_NAMES[kind])
             elif kind is State.DIRECTION:
                 names.add(f"dir{index + 1}")
         return names
@@ -274,12 +268,10 @@ class Image:
         for coordinate, _, source, order, phase, amplitude in self.records(
             Section.HARMONICS, layout.HARMONIC
         ):
-            is_link = source >= layout.LINK_ANGLE
-            joint = (source - layout.LINK_ANGLE if is_link else source) + 1
             result.append(
                 (
                     layout.coordinate_name(coordinate),
-                    f"{'th' if is_link else 'q'}{joint}",
+                    _angle_name(source),
                     order * 2.0**-layout.ORDER_FRACTION,
                     phase * 2.0**-32 * 2.0 * np.pi,
                     amplitude * 2.0**-layout.TERM_SHIFT,
@@ -334,6 +326,10 @@ class Image:
             values = np.frombuffer(self.bytes, "<i2", size * outputs, at + mask_bytes)
             result.append(GridRecord(number, axes, values.reshape(*shape, outputs), covered))
         return result
+
+
+def _angle_name(source: int) -> str:
+    return f"{'th' if source >= layout.LINK_ANGLE else 'q'}{source % layout.LINK_ANGLE + 1}"
 
 
 def _transform(record: tuple[int, ...]) -> Array:

@@ -16,7 +16,7 @@ from armtrue.io.rotation import matrix_from_rotation_vector
 from armtrue.tables import expression, layout
 from armtrue.tables.chain import Chain
 from armtrue.tables.fitted import FittedArm
-from armtrue.tables.gravity_sets import Reading, gravity_variable
+from armtrue.tables.gravity_sets import PAYLOAD, Reading, gravity_variable, masses_of
 from armtrue.tables.layout import COMPONENTS, State
 
 # The inverse stops at steps below this [rad, m]; away from singularities it needs four.
@@ -96,8 +96,8 @@ class Reference:
 
     def at_nominal(self, motor: Array) -> Standing:
         """Where loads act on the nominal arm at motor-side joints (N, n)."""
-        point = (self.chain.end @ [*self.arm.payload_point, 1.0])[:3]
-        return Standing(self.chain.frames(motor), np.tile(point, (motor.shape[0], 1)))
+        point = np.tile(self.arm.payload_in_last_link(), (motor.shape[0], 1))
+        return Standing(self.chain.frames(motor), point)
 
     def state(self, motor: Array, around: Surroundings, standing: Standing | None = None) -> dict[str, Array]:
         """Columns of every state variable that the exported terms read, at motor-side joints (N, n).
@@ -305,35 +305,23 @@ class Reference:
 
     def _add_gravity(self, columns: dict[str, Array], names: set[str], standing: Standing) -> None:
         known: dict[tuple[int, str] | None, tuple[Array, Array]] = {}
+
+        def caused_by(unit: tuple[int, str] | None, reading: Reading) -> Array:
+            if unit not in known:
+                own = masses_of(unit, self.chain, np.zeros(3))
+                moments = np.tile(own.moments, (len(standing.payload), 1, 1))
+                if unit == PAYLOAD:
+                    moments[:, -1] = standing.payload
+                known[unit] = gravity_moments(self.chain.gravity, standing.frames, own.masses, moments)
+            return self._gravity_of(known[unit], standing.frames, reading)
+
         for name in names:
             variable = gravity_variable(name)
             if variable is None or (variable.unit is None and self.chain.masses is None):
                 continue
-            if variable.unit not in known:
-                masses = self._masses(variable.unit, columns["payload"], standing.payload)
-                known[variable.unit] = gravity_moments(self.chain.gravity, standing.frames, *masses)
-            columns[name] = self._gravity_of(known[variable.unit], standing.frames, variable.reading)
-
-    def _masses(self, unit: tuple[int, str] | None, payload: Array, point: Array) -> tuple[Array, Array]:
-        """Masses (N, n) and mass moments (N, n, 3) of a gravity variable's `unit`."""
-        chain, rows = self.chain, payload.size
-        if unit is None:
-            assert chain.masses is not None
-            assert chain.coms is not None
-            masses = np.tile(chain.masses, (rows, 1))
-            moments = np.tile(chain.masses[:, None] * chain.coms, (rows, 1, 1))
-            masses[:, -1] += payload
-            moments[:, -1] += payload[:, None] * point
-            return masses, moments
-        masses, moments = np.zeros((rows, chain.joint_count)), np.zeros((rows, chain.joint_count, 3))
-        link, component = unit
-        if component in ("m", "p"):
-            masses[:, link] = 1.0
-        if component == "p":
-            moments[:, link] = point
-        elif component != "m":
-            moments[:, link, "xyz".index(component)] = 1.0
-        return masses, moments
+            columns[name] = caused_by(variable.unit, variable.reading)
+            if variable.unit is None:
+                columns[name] = columns[name] + columns["payload"] * caused_by(PAYLOAD, variable.reading)
 
     def _gravity_of(self, moments: tuple[Array, Array], frames: list[Array], reading: Reading) -> Array:
         about_origin, force = moments
@@ -415,19 +403,16 @@ def gravity_moments(
 ) -> tuple[Array, Array]:
     """Moment about the origin of frame k, and force, of everything beyond joint k: (N, n, 3) each, in the base.
 
-    `masses` (N, n); `moments` (N, n, 3): mass times centre of mass, in frame k.
+    `masses` (n,); `moments` (N, n, 3): mass times centre of mass, in frame k.
     """
-    count = len(frames)
-    rows = masses.shape[0]
-    about_base = np.zeros((rows, count, 3))
-    force = np.zeros((rows, count, 3))
-    first_moment: Array = np.zeros((rows, 3))
-    mass: Array = np.zeros(rows)
-    for k in reversed(range(count)):
+    about_base, force = np.zeros(moments.shape), np.zeros(moments.shape)
+    first_moment: Array = np.zeros((len(moments), 3))
+    mass = 0.0
+    for k in reversed(range(len(frames))):
         origin = frames[k][:, :3, 3]
         turned = np.einsum("nij,nj->ni", frames[k][:, :3, :3], moments[:, k])
-        first_moment = first_moment + turned + masses[:, k, None] * origin
-        mass = mass + masses[:, k]
-        about_base[:, k] = np.cross(first_moment - mass[:, None] * origin, gravity)
-        force[:, k] = mass[:, None] * gravity
+        first_moment = first_moment + turned + masses[k] * origin
+        mass += masses[k]
+        about_base[:, k] = np.cross(first_moment - mass * origin, gravity)
+        force[:, k] = mass * gravity
     return about_base, force
