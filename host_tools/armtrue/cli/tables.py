@@ -125,7 +125,7 @@ def export(
         max_rate=max_rate,
         dead_band=dead_band,
         payload_max_kg=payload_max,
-        secret_seed=None if sign is None else signing.read_seed(sign),
+        secret_seed=None if sign is None else signing.read_key(sign, "secret"),
     )
     arm = fitted_arm(document, fit_file)
     result = make_image(arm, options, fit_file)
@@ -247,7 +247,7 @@ def info(
     output = Output(json_to)
     image = Image.load(tables)
     if key is not None:
-        verdict = validate(image.bytes, public_key=signing.read_public_key(key))
+        verdict = validate(image.bytes, public_key=signing.read_key(key, "public"))
         if not verdict.accepted:
             raise InputError(f"{tables}: found {verdict.reason}, expected a signature by the owner of {key}")
     document = describe(image)

@@ -111,18 +111,10 @@ class ColumnNames:
         is_known = self.kind(name) is not None or _OF_ONE_EFFECT.match(name) is not None
         return _PER_JOINT.match(name) is not None and not is_known
 
-    def commanded(self) -> list[str]:
-        """`q1…qn` of the joints that have a motor."""
-        return [f"q{k}" for k in self.robot.motors]
-
     def of_passive(self, name: str) -> bool:
         """True for a column of a passive joint, which has no drive to report on."""
         match = _PER_JOINT.match(name)
         return match is not None and int(match[2]) in self.robot.passive
-
-    def required(self, need_position: bool) -> list[str]:
-        """The columns that every file needs."""
-        return [*self.commanded(), *(POSITION if need_position else ())]
 
     def all(self) -> list[str]:
         """Every column name, for suggestions on misspelt ones."""

@@ -365,7 +365,7 @@ def without_fixed_targets(data: Dataset) -> Dataset:
 
 def _require_columns(layout: Layout, path: Path, robot: Robot, need_position: bool) -> None:
     names = layout.names()
-    required = ColumnNames(robot).required(need_position)
+    required = [*(f"q{k}" for k in robot.motors), *(POSITION if need_position else ())]
     for name in required:
         if name not in names:
             alike = [own for own in required if (own in POSITION) == (name in POSITION)]

@@ -166,7 +166,12 @@ def _specification(top: Section, path: Path) -> dict[str, Any]:
         spec["temperature"] = _temperature(top.section("temperature"))
     passive = _passive(spec["kinematics"]["joints"])
     spec["coupling"] = _with_mimics(mimics, _coupling(top, joint_count, passive), passive, top)
-    _refuse_undriven(passive, spec["coupling"], top)
+    for joint in passive:
+        if not any(row["joint"] == joint for row in spec["coupling"]):
+            raise InputError(
+                f"{top.place('coupling')}: found no row for joint {joint}, which is passive, expected what turns it: "
+                f"{{joint: {joint}, driving: …, ratio: …}}"
+            )
     if top.has("linkage"):
         spec["linkage"] = _linkage(top.section("linkage"), joint_count)
     top.finish()
@@ -432,16 +437,6 @@ def _with_mimics(
         else:
             result[place] = row
     return list(result.values())
-
-
-def _refuse_undriven(passive: list[int], coupling: list[dict[str, Any]], top: Section) -> None:
-    """Raise InputError for a passive joint without a coupling."""
-    for joint in passive:
-        if not any(row["joint"] == joint for row in coupling):
-            raise InputError(
-                f"{top.place('coupling')}: found no row for joint {joint}, which is passive, expected what turns it: "
-                f"{{joint: {joint}, driving: …, ratio: …}}"
-            )
 
 
 def _linkage(section: Section, joint_count: int) -> dict[str, Any]:

@@ -73,18 +73,6 @@ _Loader.add_constructor("tag:yaml.org,2002:float", _construct_float)
 _Loader.add_constructor("tag:yaml.org,2002:int", _construct_int)
 
 
-def _construct(text: str) -> Any:
-    loader = _Loader(text)
-    try:
-        node = loader.get_single_node()
-        if node is None:
-            return None
-        _refuse_bombs(node)
-        return loader.construct_document(node)  # type: ignore[no-untyped-call]
-    finally:
-        loader.dispose()  # type: ignore[no-untyped-call]
-
-
 def _refuse_bombs(top: yaml.Node) -> None:
     """Refuse a document whose aliases expand to more entries than a person could write."""
     sizes: dict[int, int] = {}
@@ -113,7 +101,14 @@ def load_yaml(path: Path) -> Section:
     """
     text = read_text(path, largest_bytes=LARGEST_YAML_BYTES)
     try:
-        value = _construct(text)
+        loader = _Loader(text)
+        try:
+            node = loader.get_single_node()
+            if node is not None:
+                _refuse_bombs(node)
+            value = None if node is None else loader.construct_document(node)  # type: ignore[no-untyped-call]
+        finally:
+            loader.dispose()  # type: ignore[no-untyped-call]
     except yaml.MarkedYAMLError as error:
         # The parser begins some of its sentences with "found".
         problem = (error.problem or "no YAML").removeprefix("found ")

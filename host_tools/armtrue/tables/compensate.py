@@ -128,12 +128,15 @@ def compensate(
         )
         words = unknown if kept is None else kept.words()
         notes += [words] if words else []
+    # Nominal kinematics, with the fitted base and each row's fitted tool.
+    last_from_tool = np.stack(list(image.tools().values()))[tool]
+    intended = (image.measuring_from_base() @ image.chain().frames(joints)[-1] @ last_from_tool)[:, :3, 3]
     limits = _limits(document, image)
     reported_from_drives = np.linalg.inv(robot.drives_from_reported)
     reported = corrected @ reported_from_drives.T
     return Compensated(
         reported,
-        intended_points(image, joints, tool),
+        intended,
         _is_beyond(reported, limits),
         _is_beyond(joints @ reported_from_drives.T, limits),
         notes,
@@ -172,13 +175,6 @@ def _limits(document: dict[str, Any], image: Image) -> Array:
         if not row.get("passive"):
             limits[k] = row.get("limits") or limits[k]
     return limits
-
-
-def intended_points(image: Image, joints: Array, tool: NDArray[np.uint8]) -> Array:
-    """The points (N, 3) that commands are meant for: nominal kinematics, fitted base, each row's fitted tool."""
-    last = image.chain().frames(joints)[-1]
-    last_from_tool = np.stack(list(image.tools().values()))[tool]
-    return np.asarray((image.measuring_from_base() @ last @ last_from_tool)[:, :3, 3])
 
 
 def _fixed(

@@ -114,9 +114,8 @@ def digest_of(document: dict[str, Any]) -> bytes:
         key: document.get(key)
         for key in ("robot", "parameters", "measuring_from_base", "flange_from_tool", "payload_point")
     }
-    if (
-        document.get("statics") == "nominal"
-    ):  # this part and the next exist only where they apply, so that digests in older tables still match
+    # This part and the next exist only where they apply, so that digests in older tables still match.
+    if document.get("statics") == "nominal":
         parts["statics"] = "nominal"
     if averaged := sorted(not_for_a_device(document)):
         parts["averaged"] = [averaged, document.get("data", {}).get("means")]

@@ -160,6 +160,10 @@ class Reference:
         does not lower the error, or leads further than any table may correct, is tried again with more damping. No
         pose ends with a larger error than without correction.
         """
+        # The largest distance of each joint from the start of the steps [rad, m]: what a table may correct at most.
+        farthest = np.where(
+            self.chain.prismatic, layout.MAX_DELTA[True], 2.0 * np.pi * layout.MAX_DELTA[False]
+        )
         wanted, standing = self.nominal(target), self.at_nominal(target)
         coordinates = self.coordinates(self.state(target, around, standing))
         start = target - self._taken_off(coordinates, target.shape)
@@ -186,7 +190,7 @@ class Reference:
         for count in range(_MOST_STEPS):
             tried = corrected[active] + step
             found, found_slope = seen(tried, active)
-            is_near = (np.abs(tried - start[active]) <= self._farthest()).all(axis=1)
+            is_near = (np.abs(tried - start[active]) <= farthest).all(axis=1)
             if count == 0:
                 # Coordinates at the target differ a little from those at the start, so the first step may raise an
                 # error that was already small there.
@@ -250,11 +254,6 @@ class Reference:
     def _loads(self, joints: Array, at_target: Standing) -> Standing:
         """Where the loads of `joints` act: at the commanded joints if so fitted, else at the corrected arm."""
         return self.at_nominal(joints) if self.arm.loads_act_at_command else at_target
-
-    def _farthest(self) -> Array:
-        """Largest distance of each joint from the start of the steps [rad, m]: what a table may correct at most."""
-        slides = np.array(self.chain.prismatic)
-        return np.where(slides, layout.MAX_DELTA[True], 2.0 * np.pi * layout.MAX_DELTA[False])
 
     def _motor_deflection(self, coordinates: dict[str, Array], shape: tuple[int, ...]) -> Array:
         result = np.zeros(shape)
