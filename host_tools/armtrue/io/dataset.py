@@ -267,8 +267,7 @@ def with_joints_mapped(columns: Mapping[str, Array], matrix: Array) -> dict[str,
 
 def in_file_order(data: Dataset) -> Dataset:
     """`data` with its entries in the order of the file, from which `sort_by: time` may have moved them."""
-    order = np.argsort(data.rows, kind="stable")
-    return data.take(order)
+    return data.take(np.argsort(data.rows, kind="stable"))
 
 
 def fixed_targets(data: Dataset) -> list[int]:
@@ -292,7 +291,7 @@ def without_copies(data: Dataset) -> Dataset:
     Rows of a file that was appended twice are no repeats: taken for repeats, they would show zero noise. Real repeats
     of a pose differ in time or in the measured values.
     """
-    table = np.column_stack([data.columns[name] for name in sorted(data.columns)])
+    table = np.column_stack(list(data.columns.values()))
     first: dict[bytes, int] = {}
     for entry, row in enumerate(table):
         first.setdefault(row.tobytes(), entry)
@@ -368,10 +367,8 @@ def _require_columns(layout: Layout, path: Path, robot: Robot, need_position: bo
     required = [*(f"q{k}" for k in robot.motors), *(POSITION if need_position else ())]
     for name in required:
         if name not in names:
-            alike = [own for own in required if (own in POSITION) == (name in POSITION)]
-            others = (
-                f" beside {', '.join(own for own in alike if own in names)}" if names & set(alike) else ""
-            )
+            present = [own for own in required if own in names and (own in POSITION) == (name in POSITION)]
+            others = f" beside {', '.join(present)}" if present else ""
             near = did_you_mean(name, layout.unused)
             found = f"{path}: found no column '{name}'{'' if near else others}, expected it{near}"
             # A file that has the others under their names is in the contract's form, and only lacks this one.
@@ -415,7 +412,7 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
         text_headers.add(layout.time.header)
     others = _variables_of_others(layout, names)
     directions_of = {
-        int(name[3:]): source.header
+        name: source.header
         for name, source in layout.numbers.items()
         if name.startswith("dir") and names.kind(name)
     }
@@ -444,7 +441,7 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
         for header in layout.unused
         if not (names.of_one_effect(header) and header in taken)
     ]
-    if empty := sorted(k for k, header in directions_of.items() if header not in raw.numbers):
+    if empty := sorted(int(name[3:]) for name in directions_of if name not in columns):
         notes.append(
             f"{layout.file.name}: {_unrecorded('dir', empty)} empty in all rows: taken as not recorded"
         )
@@ -462,19 +459,17 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
                 [number.setdefault(text, len(number)) for text in texts], dtype=np.float64
             )
             labels[name] = list(number)
-    rows, turns = raw.rows, None
+    turns = None
     if layout.rotation and layout.rotation.form == "euler":
         turns = _rotation_values(layout.rotation, raw)
+    data = Dataset(path, layout.file, columns, raw.rows, labels, notes, layout.rotation, turns, dict(skipped))
     if layout.sort_by == "time":
         order = np.argsort(columns["time"], kind="stable")
         if not np.array_equal(order, np.arange(order.size)):
-            notes.append(f"{layout.file.name}: rows were not in order of time and are sorted by it")
-        columns = {name: values[order] for name, values in columns.items()}
-        rows = rows[order]
-        turns = None if turns is None else turns[order]
+            data = data.take(order).noting("rows were not in order of time and are sorted by it")
     if "dir" in layout.from_order:
-        columns |= directions(columns)
-    return Dataset(path, layout.file, columns, rows, labels, notes, layout.rotation, turns, dict(skipped))
+        data.columns.update(directions(data.columns))
+    return data
 
 
 def _why_apart(header: str, taken: bool, raw: RawColumns, names: ColumnNames, layout: Layout) -> str:
@@ -547,10 +542,10 @@ def _times(source: TimeSource, raw: RawColumns, layout: Layout, notes: list[str]
     """Seconds: since `origin` where it is given, else since the earliest row."""
     if source.header is None or source.pattern is None:
         return np.arange(raw.rows.size, dtype=np.float64) * source.seconds_per_row
-    stamps = []
-    for text, row in zip(raw.texts[source.header], raw.rows, strict=True):
-        place = f"{layout.file} row {row} column {source.header}"
-        stamps.append(_timestamp(text, source.pattern, place, int(row)))
+    stamps = [
+        _timestamp(text, source.pattern, f"{layout.file} row {row} column {source.header}", int(row))
+        for text, row in zip(raw.texts[source.header], raw.rows, strict=True)
+    ]
     if not stamps:
         return np.empty(0)
     if source.origin is not None:

@@ -220,18 +220,18 @@ def _variables(top: Section, names: ColumnNames) -> dict[str, NumberSource]:
 
 
 def _dialect(top: Section) -> Dialect:
-    separator = top.text(
-        "separator", default=",", expected="one character, or comma, semicolon, tab, space or pipe"
-    )
+    expected = "one character, or comma, semicolon, tab, space or pipe"
+    separator = top.text("separator", default=",", expected=expected)
     separator = SEPARATORS.get(separator, separator)
     if len(separator) != 1 or separator in '\r\n"':
-        raise top.fail("separator", "one character, or comma, semicolon, tab, space or pipe")
+        raise top.fail("separator", expected)
     decimal = top.choice("decimal", [".", ","], default=".")
     if decimal == separator:
         raise top.fail("decimal", "a mark other than the separator")
-    header_row = top.number("header_row", default=1.0, minimum=0.0, expected="a row number, or 0 for none")
+    row = "a row number, or 0 for none"
+    header_row = top.number("header_row", default=1.0, minimum=0.0, expected=row)
     if header_row != int(header_row) or header_row > 1e6:
-        raise top.fail("header_row", "a row number, or 0 for none")
+        raise top.fail("header_row", row)
     return Dialect(separator, decimal, top.text("encoding", default="utf-8"), int(header_row))
 
 
@@ -244,12 +244,12 @@ class _Columns:
         self.constants: dict[str, float] = {}
         for name in section:
             kind = names.kind(name)
+            if names.joint_beyond_arm(name):
+                raise InputError(
+                    f"{section.place(name)}: found a joint that the arm has not, expected joints "
+                    f"1 to {names.robot.joint_count}"
+                )
             if kind is None:
-                if names.joint_beyond_arm(name):
-                    raise InputError(
-                        f"{section.place(name)}: found a joint that the arm has not, expected joints "
-                        f"1 to {names.robot.joint_count}"
-                    )
                 hint = did_you_mean(name, names.all())
                 raise InputError(
                     f"{section.place(name)}: found '{name}', expected a column of the contract{hint}"
