@@ -14,7 +14,7 @@ import typer
 from armtrue.cli.device import app, upload
 from armtrue.device import connection
 from armtrue.device.bus import BusOptions
-from armtrue.device.eds import dictionary
+from armtrue.device.compensator import dictionary
 from armtrue.tables import layout
 
 NODE = 32

@@ -11,8 +11,7 @@ from armtrue.errors import InputError
 from armtrue.tables import FixedEngine, Reference, Surroundings, export, fitted_arm, layout
 from armtrue.tables.conftest import Document, document
 from armtrue.tables.export import ExportOptions
-from armtrue.tables.image import Image
-from armtrue.tables.info import describe
+from armtrue.tables.image import Image, describe
 
 
 def with_last_joint(text: str, **changes: Any) -> Document:
