@@ -121,7 +121,7 @@ def _device(interface: str | None, channel: str | None, bitrate: int | None, nod
         return None
     if interface is None or channel is None:
         raise InputError("--interface, --channel: found one without the other, expected both")
-    from armtrue.device.bus import BusOptions, open_bus, quiet_interfaces
+    from armtrue.device.connection import BusOptions, open_bus, quiet_interfaces
     from armtrue.device.sdo import DEFAULT_TIMEOUT_S
     from armtrue.workbench.compensator import Device
 
