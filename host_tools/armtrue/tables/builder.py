@@ -116,24 +116,16 @@ class Harmonics:
             return source - layout.LINK_ANGLE
         return source if source in self.link_offsets else None
 
-    def _ordered(self) -> list[tuple[int, int, int, complex]]:
-        """Coordinate, source, order (fixed point) and wave of those that need a sine of their own, steep ones first."""
+    def records(self) -> tuple[list[bytes], int]:
+        """Records of the waves that need a sine of their own, steep ones first; and how many are steep."""
         waves = [(*key, wave) for key, wave in sorted(self.waves.items())]
         fast = [entry for entry in waves if self._slow_joint(*entry) is None]
-        return sorted(fast, key=lambda entry: not self._is_steep(*entry))
-
-    def records(self) -> list[bytes]:
-        """Records of the waves that need a sine of their own, steep ones first."""
         result = []
-        for coordinate, source, order, wave in self._ordered():
+        for coordinate, source, order, wave in sorted(fast, key=lambda entry: not self._is_steep(*entry)):
             phase = round(cmath.phase(wave) / (2.0 * math.pi) * 2.0**32) % 2**32
             amplitude = to_fixed(abs(wave), layout.TERM_SHIFT)
             result.append(layout.HARMONIC.pack(coordinate, 0, source, order, phase, amplitude))
-        return result
-
-    def steep_count(self) -> int:
-        """Number of steep waves in `records`."""
-        return sum(self._is_steep(*entry) for entry in self._ordered())
+        return result, sum(self._is_steep(*entry) for entry in fast)
 
     def slow_records(self) -> list[bytes]:
         """Waves of one and two cycles per turn of a link angle, one record per coordinate and joint."""

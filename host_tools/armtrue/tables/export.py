@@ -388,7 +388,7 @@ class _Exporter:
             self._steep_nodes,
             self._constant_terms,
             self._steep_terms,
-            self.builder.harmonics.steep_count(),
+            self._steep_harmonics,
             0,
         )
         image = header + directory + body
@@ -428,7 +428,7 @@ class _Exporter:
         def slot(value: Value | int) -> int:
             return value if isinstance(value, int) else slot_of[value.section, value.index]
 
-        harmonics = self.builder.harmonics.records()
+        harmonics, self._steep_harmonics = self.builder.harmonics.records()
         slow_waves = self.builder.harmonics.slow_records()
         self._refuse_more_than(layout.MAX_SLOTS, len(slot_of), "state variables and nodes")
         self._refuse_more_than(layout.MAX_TERMS, len(self.builder.terms), "terms")

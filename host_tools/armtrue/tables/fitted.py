@@ -125,7 +125,20 @@ def digest_of(document: dict[str, Any]) -> bytes:
 def fitted_arm(document: dict[str, Any], path: object) -> FittedArm:
     """Read the content of a fit.json. `path` is for messages. Errors: InputError."""
     try:
-        arm = _head(document)
+        robot, point = document["robot"], document.get("payload_point")
+        arm = FittedArm(
+            name=str(robot.get("name", "robot")),
+            serial=str(robot.get("serial", "")),
+            digest=digest_of(document),
+            chain=chain_from_robot(robot),
+            measuring_from_base=pose(document["measuring_from_base"]),
+            flange_from_tool={name: pose(entry) for name, entry in document["flange_from_tool"].items()},
+            payload_point=pose(robot.get("tool"))[:3, 3]
+            if point is None
+            else np.array(point, dtype=np.float64),
+            payload_kg=float(document.get("data", {}).get("ranges", {}).get("payload", [0.0])[-1]),
+            loads_act_at_command=document.get("statics") == "nominal",
+        )
         reflectors = document.get("data", {}).get("targets") or list(arm.flange_from_tool)
         _gather(document, arm, reflectors)
     except _core.ExpressionError as error:
@@ -133,24 +146,6 @@ def fitted_arm(document: dict[str, Any], path: object) -> FittedArm:
     except (KeyError, TypeError, IndexError) as error:
         raise InputError(f"{path}: found no {error}, expected a complete fit.json") from None
     return arm
-
-
-def _head(document: dict[str, Any]) -> FittedArm:
-    robot = document["robot"]
-    tools = {name: pose(entry) for name, entry in document["flange_from_tool"].items()}
-    nominal_tool = pose(robot.get("tool"))
-    point = document.get("payload_point")
-    return FittedArm(
-        name=str(robot.get("name", "robot")),
-        serial=str(robot.get("serial", "")),
-        digest=digest_of(document),
-        chain=chain_from_robot(robot),
-        measuring_from_base=pose(document["measuring_from_base"]),
-        flange_from_tool=tools,
-        payload_point=nominal_tool[:3, 3] if point is None else np.array(point, dtype=np.float64),
-        payload_kg=float(document.get("data", {}).get("ranges", {}).get("payload", [0.0])[-1]),
-        loads_act_at_command=document.get("statics") == "nominal",
-    )
 
 
 def _with_reflector(coordinate: str, reflectors: list[str]) -> str:
