@@ -16,6 +16,7 @@ from armtrue.io.files import read_text
 LARGEST_YAML_BYTES = 4 * 1024 * 1024
 
 _MOST_NODES = 1_000_000
+_REQUIRED: Any = object()
 
 
 class _Loader(yaml.SafeLoader):
@@ -171,14 +172,16 @@ class Section:
     def number(
         self,
         key: str,
-        default: float | None = None,
+        default: Any = _REQUIRED,
         *,
         minimum: float = -math.inf,
         above: float = -math.inf,
         expected: str = "a number",
     ) -> float:
-        """A finite number, at least `minimum` and greater than `above`."""
+        """A finite number, at least `minimum` and greater than `above`; with the default None also null."""
         value = self.raw(key, default)
+        if value is None:
+            return default  # type: ignore[no-any-return]
         if not _is_number(value) or not minimum <= value or not above < value:
             raise self.fail(key, expected)
         return float(value)
