@@ -266,11 +266,8 @@ def _quoted(name: str) -> str:
 
 def _present(document: dict[str, Any], image: Image, output: Output, terms: bool) -> None:
     """Print `document`; with `terms` every record of the term list too."""
-    signature = "signed" if document["signed"] else "not signed"
-    if document["signed"]:
-        signature += (
-            ", signature right" if document["signature_checked"] else ", signature not checked (--key)"
-        )
+    checked = "right" if document["signature_checked"] else "not checked (--key)"
+    signature = f"signed, signature {checked}" if document["signed"] else "not signed"
     output.say(
         f"table format {document['format_version']} for robot '{document['robot_serial']}', "
         f"sequence {document['sequence']}, {document['bytes']} bytes, {signature}"

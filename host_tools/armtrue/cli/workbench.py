@@ -106,11 +106,8 @@ def open_workbench(
         server.serve_forever()
     except KeyboardInterrupt:
         sys.stdout.flush()
-        print(
-            "\nThe session is kept; 'armtrue open' on the same files goes on with it.",
-            file=sys.stderr,
-            flush=True,
-        )
+        kept = "\nThe session is kept; 'armtrue open' on the same files goes on with it."
+        print(kept, file=sys.stderr, flush=True)
     # _exit, so as not to wait for a fit that still runs in its own thread and is no longer needed.
     os._exit(0)
 

@@ -117,9 +117,7 @@ def refuse_to_lose(reads: Iterable[Path | None], writes: Iterable[Path | str | N
     inputs = {_identity(path) for path in reads if path is not None and path.is_file()}
     outputs: set[str] = set()
     for name in writes:
-        if name is None or name == "-":
-            continue
-        if os.path.realpath(name) == os.devnull:
+        if name is None or name == "-" or os.path.realpath(name) == os.devnull:
             continue
         place = _identity(Path(name))
         if place in inputs:

@@ -299,11 +299,9 @@ def _lead(row: Section, key: str, revolute: bool) -> float:
         raise row.fail(key, "no lead of a joint that turns, but gear_ratio")
     lead = row.number(key, expected="a length in metres per turn of the screw or pinion")
     if not 0.0 < lead <= LARGEST_LEAD_M:
-        raise row.fail(
-            key,
-            f"metres per turn of the screw or pinion, above 0 and up to {LARGEST_LEAD_M:g}"
-            + (" (this looks like millimetres)" if lead > LARGEST_LEAD_M else ""),
-        )
+        hint = " (this looks like millimetres)" if lead > LARGEST_LEAD_M else ""
+        expected = f"metres per turn of the screw or pinion, above 0 and up to {LARGEST_LEAD_M:g}"
+        raise row.fail(key, expected + hint)
     return lead
 
 

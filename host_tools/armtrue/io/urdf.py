@@ -40,30 +40,23 @@ def read_urdf_chain(path: Path, base: str, tip: str) -> UrdfChain:
     """
     tree = _Tree(path)
     joints: list[dict[str, Any]] = []
-    names: list[str] = []
     bodies: list[tuple[float, Array]] = []
     # Pose of the current link in the frame of the last moving joint.
     frame_from_link = np.eye(4)
-    last_link = base
     for joint in tree.path(base, tip):
         frame_from_joint = frame_from_link @ _matrix(joint.origin)
-        last_link = joint.child
         if joint.type == "fixed":
             frame_from_link = frame_from_joint
             continue
         axis_from_z = _turn_z_onto(tree.axis(joint))
         before = frame_from_joint @ axis_from_z
         joints.append(tree.row(joint, before))
-        names.append(joint.name)
         frame_from_link = axis_from_z.T
         bodies.append(tree.mass_moment(joint.child, frame_from_link, stop=tree.chain_joints))
     if not joints:
-        raise InputError(
-            f"{path}: found no moving joint between '{base}' and '{last_link}', expected at least one"
-        )
-    mimics = [
-        tree.mimic(name, names, row) for name, row in zip(names, joints, strict=True) if row.get("passive")
-    ]
+        raise InputError(f"{path}: found no moving joint between '{base}' and '{tip}', expected at least one")
+    names = [row["name"] for row in joints]
+    mimics = [tree.mimic(row["name"], names, row) for row in joints if row.get("passive")]
     kinematics = {"convention": "chain", "joints": joints, "end": _pose(frame_from_link)}
     if not any(mass > 0.0 for mass, _ in bodies):
         return kinematics, [], mimics

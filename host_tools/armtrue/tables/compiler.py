@@ -200,12 +200,8 @@ class Compiler:
         if not all(argument.is_number for argument in tree.args[1:]):
             raise CannotCompileError("a hat whose nodes are not numbers")
         left, centre, right = (argument.value for argument in tree.args[1:])
-        nodes = [centre]
-        heights = [1.0]
-        if left < centre:
-            nodes, heights = [left, *nodes], [0.0, *heights]
-        if right > centre:
-            nodes, heights = [*nodes, right], [*heights, 0.0]
+        nodes = [*([left] if left < centre else []), centre, *([right] if right > centre else [])]
+        heights = [float(node == centre) for node in nodes]
         if len(nodes) == 1:
             return self.builder.constant(1.0)
         covered = np.ones(len(nodes), dtype=np.bool_)

@@ -131,17 +131,15 @@ class _Exporter:
     def _tool_name(self) -> str:
         names = list(self.arm.flange_from_tool)
         wanted = self.options.tool
-        if wanted is None:
-            if len(names) > 1:
-                self.notes.append(f"tool '{names[0]}' of {', '.join(names)} is active (--tool takes another)")
-            return names[0]
-        if wanted not in names and names == [""]:
-            raise InputError(
-                f"--tool: found '{wanted}', expected none: the fit has one tool, which has no name; leave --tool out"
-            )
-        if wanted not in names:
-            raise InputError(f"--tool: found '{wanted}', expected one of {', '.join(repr(n) for n in names)}")
-        return wanted
+        if wanted in names:
+            return wanted
+        if wanted is not None:
+            one = "none: the fit has one tool, which has no name; leave --tool out"
+            expected = one if names == [""] else f"one of {', '.join(repr(n) for n in names)}"
+            raise InputError(f"--tool: found '{wanted}', expected {expected}")
+        if len(names) > 1:
+            self.notes.append(f"tool '{names[0]}' of {', '.join(names)} is active (--tool takes another)")
+        return names[0]
 
     def _payload_max(self) -> float:
         if self.options.payload_max_kg is not None:
