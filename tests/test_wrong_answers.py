@@ -11,10 +11,10 @@ from pathlib import Path
 import can
 import pytest
 import typer
-from armtrue.cli.device import add_to
+from armtrue.cli.device import app, upload
 from armtrue.device import connection
-from armtrue.device.bus import BusOptions
-from armtrue.device.eds import dictionary
+from armtrue.device.compensator import dictionary
+from armtrue.device.connection import BusOptions
 from armtrue.tables import layout
 
 NODE = 32
@@ -133,7 +133,8 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
 
     def once(*words: str) -> Done:
         program = typer.Typer()
-        add_to(program)
+        program.command()(upload)
+        program.add_typer(app, name="device")
         bus = ("--interface", "none", "--channel", "none", "--timeout", "0.05")
         status = program([*words, *bus], standalone_mode=False)
         said = capsys.readouterr()

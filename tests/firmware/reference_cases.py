@@ -109,7 +109,7 @@ def file_of(arm: FittedArm, full_pose: bool) -> bytes:
     around = chosen(around, rows)
     reference = Reference(arm, "")
     length = 0.25 * arm.chain.reach_m if full_pose else None
-    right = reference.inverse(joints[rows], around, length)
+    right = reference.solve(joints[rows], around, length).joints
     correction = np.round(right * unit).astype(np.int64) - target[rows]
     n, sensors = arm.chain.joint_count, arm.chain.sensors
     head = struct.pack("<4i", len(image), n, len(sensors), CASES)

@@ -75,7 +75,7 @@ def measured(
     rng = np.random.default_rng(seed)
     joints = arms.random_joints(arm, poses, rng)
     around = arms.random_surroundings(arm, poses, rng, PAYLOAD_KG[name])
-    engine = FixedEngine(image, arm.chain.prismatic, arm.chain.sensors, arm.chain.temperature_reference)
+    engine = FixedEngine(image, arm.chain)
     corrected = engine.solve(joints, around)
     reference = Reference(arm, "")
     loads = reference.at_nominal(corrected.joints if at_command else joints)
@@ -146,7 +146,7 @@ def test_corrections_are_bounded_through_singularities(name: str) -> None:
     """Even at singularities no correction exceeds the table's limit."""
     arm = arms.full_arm(name)
     image = export(arm, ExportOptions(max_correction=0.05)).image
-    engine = FixedEngine(image, arm.chain.prismatic, arm.chain.sensors, arm.chain.temperature_reference)
+    engine = FixedEngine(image, arm.chain)
     joints = arms.random_joints(arm, 5000, np.random.default_rng(8))
     # In every second pose the wrist's axes 4 and 6 nearly coincide.
     joints[::2, 4] = np.random.default_rng(9).normal(0.0, 1e-3, len(joints[::2]))
@@ -193,7 +193,7 @@ def test_correction_is_smooth_through_the_wrist_singularity() -> None:
     """A straight run through q5 = 0 with the full pose held: no jump from one step of 0.0001 rad to the next."""
     arm = arms.full_arm("kr30", grid_nodes=6)
     image = export(arm, ExportOptions(full_pose=True)).image
-    engine = FixedEngine(image, arm.chain.prismatic, arm.chain.sensors, arm.chain.temperature_reference)
+    engine = FixedEngine(image, arm.chain)
     run = np.linspace(-0.3, 0.3, 6001)
     joints = np.tile([0.4, -0.5, 0.2, 0.7, 0.0, -0.3], (run.size, 1))
     joints[:, 4] = run

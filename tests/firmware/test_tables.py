@@ -197,7 +197,7 @@ def test_quantisation_error_of_tables_is_within_infos_bound() -> None:
     """The bound is half a unit of the last place, at the tool."""
     arm = arms.full_arm("kr30")
     image = Image(export(arm, ExportOptions()).image)
-    from armtrue.tables.info import describe
+    from armtrue.tables.image import describe
 
     said = {entry["coordinate"]: entry for entry in describe(image)["tables"]}
     for grid in image.grids():
@@ -207,7 +207,7 @@ def test_quantisation_error_of_tables_is_within_infos_bound() -> None:
         unit = 2.0 ** np.round(np.log2(fitted.values[largest] / grid.values[largest, 0]))
         error = np.abs(grid.values[:, 0] * unit - fitted.values).max()
         bound = said[fitted.coordinate]["quantisation_um"]
-        from armtrue.tables.info import lever_m
+        from armtrue.tables.image import lever_m
 
         assert error * 1e6 * lever_m(image, fitted.coordinate) <= 1.1 * bound + 1e-4
 

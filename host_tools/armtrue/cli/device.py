@@ -18,7 +18,6 @@ from rich.progress import (
     BarColumn,
     DownloadColumn,
     Progress,
-    TextColumn,
     TimeRemainingColumn,
     TransferSpeedColumn,
 )
@@ -72,17 +71,11 @@ class Transfer(str, Enum):
 @contextmanager
 def _transfer_bar(quiet: bool) -> Iterator[Progress]:
     """Rate and remaining time of a transfer, on stderr."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        DownloadColumn(),
-        TransferSpeedColumn(),
-        TimeRemainingColumn(),
-    )
     console = Console(stderr=True)
     # No bar where it cannot be redrawn in place: each update would add a line to a log.
     console.quiet = quiet or not console.is_interactive
-    with Progress(*columns, console=console, transient=True) as bar:
+    speed = (DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
+    with Progress("{task.description}", BarColumn(), *speed, console=console, transient=True) as bar:
         yield bar
 
 
@@ -158,6 +151,8 @@ def _describe(status: Status) -> list[str]:
     slots = ", ".join(
         f"{slot} {name_of(SLOT_STATES, status[f'Table status.Slot {slot} state'])}" for slot in "AB"
     )
+    in_force = status["Start and supply.Protection in force"]
+    missing = [name for bit, name in enumerate(PROTECTIONS) if not in_force & 1 << bit]
     control, counters = "Compensator control", "Compensator status"
     counted = ("Cycles", "Clamped", "Stale", "Refused", "Sets withheld", "Worst cycle (us)")
     return [
@@ -174,13 +169,9 @@ def _describe(status: Status) -> list[str]:
         f"tables      format {status['Table status.Format version read']}, "
         f"{'signed only' if status['Table status.Signature required'] else 'unsigned accepted'}",
         f"start       {name_of(RESET_CAUSES, status['Start and supply.Cause of the last reset'])}; not in force: "
-        + (_missing_protection(status["Start and supply.Protection in force"]) or "nothing"),
+        + (", ".join(missing) or "nothing"),
         "counters    " + ", ".join(f"{name.lower()} {status[f'{counters}.{name}']}" for name in counted),
     ]
-
-
-def _missing_protection(in_force: int) -> str:
-    return ", ".join(name for bit, name in enumerate(PROTECTIONS) if not in_force & 1 << bit)
 
 
 @app.command()
@@ -225,12 +216,8 @@ def verify(tables: TablesArgument, connection: Connection, json_to: JsonOption =
         held = _read_back(device, json_to == STANDARD_OUTPUT)
         if held != image.data:
             pairs = enumerate(zip(held, image.data, strict=False))
-            at = next((k for k, (one, other) in pairs if one != other), None)
-            where = (
-                f"byte {at}"
-                if at is not None
-                else f"its length, {len(held)} instead of {len(image.data)} bytes"
-            )
+            bytes_apart = (f"byte {k}" for k, (one, other) in pairs if one != other)
+            where = next(bytes_apart, f"its length, {len(held)} instead of {len(image.data)} bytes")
             raise DeviceRefusedError(
                 f"the device's table differs from {tables}: the first difference is in {where}"
             )
@@ -245,12 +232,8 @@ def activate(connection: Connection, json_to: JsonOption = None) -> None:
 
     Example: armtrue device activate --interface socketcan --channel can0
     """
-    _order(
-        connection,
-        "actv",
-        "on trial: a reset returns to the previous table unless this one is confirmed",
-        json_to,
-    )
+    done = "on trial: a reset returns to the previous table unless this one is confirmed"
+    _order(connection, "actv", done, json_to)
 
 
 @app.command()
@@ -337,18 +320,16 @@ def commission(
     Example: armtrue device commission --interface socketcan --channel can0
     """
     output = Output(json_to)
-    if not duration >= SHORTEST_PERIOD_S:
-        raise InputError(f"--duration: found {duration:g}, expected at least {SHORTEST_PERIOD_S:g} s")
+    _refuse_short("--duration", duration)
     with connection.bus() as bus:
         report, absent = _watch_commissioning(bus, connection, duration)
     table = plain_table("axis", "commanded", "moved", "follows target of", "slope", "delay")
     for number, axis in enumerate(report.axes, 1):
+        unheard = "no drive" if number - 1 in absent else "not heard"
         table.add_row(
             str(number),
             f"{axis.commanded:.0f}",
-            ("no drive" if number - 1 in absent else "not heard")
-            if axis.moved is None
-            else f"{axis.moved:.0f}",
+            unheard if axis.moved is None else f"{axis.moved:.0f}",
             ", ".join(map(str, axis.follows)) or "–",
             "–" if axis.slope is None else f"{axis.slope:.4f}",
             "–" if axis.delay is None else plural(axis.delay, "cycle"),
@@ -365,6 +346,11 @@ def commission(
         raise typer.Exit(REFUSED)
 
 
+def _refuse_short(name: str, seconds: float | None) -> None:
+    if seconds is not None and not seconds >= SHORTEST_PERIOD_S:
+        raise InputError(f"{name}: found {seconds:g}, expected at least {SHORTEST_PERIOD_S:g} s")
+
+
 def _watch_commissioning(
     bus: can.BusABC, connection: Connection, duration: float
 ) -> tuple[Report, frozenset[int]]:
@@ -379,8 +365,7 @@ def _watch_commissioning(
         )
     end = time.monotonic() + duration
     while (left := end - time.monotonic()) > 0.0:
-        message = bus.recv(left)
-        if message is not None:
+        if (message := bus.recv(left)) is not None:
             listener.take(message)
     return examine(*listener.recorded(), listener.absent), listener.absent
 
@@ -408,9 +393,8 @@ def monitor(
     Example: armtrue device monitor --interface socketcan --channel can0 --record run.blf
     """
     output = Output(json_to)
-    for name, value in (("--period", period), ("--duration", duration)):
-        if value is not None and not value >= SHORTEST_PERIOD_S:
-            raise InputError(f"{name}: found {value:g}, expected at least {SHORTEST_PERIOD_S:g} s")
+    _refuse_short("--period", period)
+    _refuse_short("--duration", duration)
     last: Snapshot | None = None
     nominal = connection.bitrate or NOMINAL_BITRATE
     label = channel_label(connection.interface, connection.channel)
@@ -432,10 +416,4 @@ def monitor(
     if recording is not None:
         output.say(f"recorded: {record} ({plural(recording.frames, 'frame')})")
     if last is not None:
-        output.figures(last.document())
-
-
-def add_to(parent: typer.Typer) -> None:
-    """Add the command upload and the group device to the command line."""
-    parent.command()(upload)
-    parent.add_typer(app, name="device")
+        output.figures(vars(last))

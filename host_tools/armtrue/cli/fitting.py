@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.table import Table
 
+from armtrue import notebook
 from armtrue.candidates import option_words
 from armtrue.cli.shared.fits import load_measurements, load_with_data
 from armtrue.cli.shared.options import (
@@ -24,18 +26,24 @@ from armtrue.cli.shared.options import (
     SkipBadOption,
 )
 from armtrue.cli.shared.output import Output, plain_table, waiting
-from armtrue.cli.shared.parameters import present_parameters
 from armtrue.errors import ForeignError, InputError, did_you_mean
 from armtrue.io import load_model, load_robot
 from armtrue.io.catalogue import catalogue
 from armtrue.io.model import check_effect
 from armtrue.io.plausible import refuse_too_few_poses
 from armtrue.notebook import floor_sentence
-from armtrue.units import plural
+from armtrue.units import plural, value_and_sigma
 from armtrue.verdicts import ERROR_FIGURES, PARTS_OF_ERROR, error_words
 
 if TYPE_CHECKING:
     from armtrue.fitting import Fit
+
+# Tables can have hundreds of parameters; more than this are shown only when asked for.
+_SHOWN = 60
+# From this correlation on, the combination of two parameters is known better than each of them.
+_TIED = 0.95
+# A value beyond its bound by less than this many standard deviations may be inside.
+_SIGMAS = 2.0
 
 JointsOption = Annotated[
     str | None,
@@ -160,7 +168,12 @@ def remove(
 
 def _keep_change(before: Fit, after: Fit, out: Path, output: Output) -> None:
     after.save(out)
-    present_fall(before, after, output)
+    table = plain_table("error [µm]", *ERROR_FIGURES.values())
+    for name, fitted in (("before", before), ("after", after)):
+        for part in ("train", "held_out"):
+            table.add_row(f"{name}, {PARTS_OF_ERROR[part]}", *error_words(fitted.document["error"][part]))
+    output.table(table)
+    output.say(floor_sentence(after.document))
     output.say(f"\nwritten: {out}")
     output.figures({"before": before.document["error"], **summary(after)})
 
@@ -245,20 +258,8 @@ def present_fit(result: Fit, output: Output, all_parameters: bool = False) -> No
         more = f" and {len(rejected) - 10} more" if len(rejected) > 10 else ""
         output.title(f"{plural(len(rejected), 'gross error')} kept out")
         output.say(f"  {rows}{more}")
-    for title, key in (("What the data cannot tell", "unobservable"), ("Warnings", "warnings")):
-        if document.get(key):
-            output.title(title)
-            output.items(document[key])
-
-
-def present_fall(before: Fit, after: Fit, output: Output) -> None:
-    """Print the error before and after a change."""
-    table = plain_table("error [µm]", *ERROR_FIGURES.values())
-    for name, fitted in (("before", before), ("after", after)):
-        for part in ("train", "held_out"):
-            table.add_row(f"{name}, {PARTS_OF_ERROR[part]}", *error_words(fitted.document["error"][part]))
-    output.table(table)
-    output.say(floor_sentence(after.document))
+    output.items(document.get("unobservable", []), "What the data cannot tell")
+    output.items(document.get("warnings", []), "Warnings")
 
 
 def _error_table(document: dict[str, Any]) -> Any:
@@ -306,3 +307,60 @@ def _options(pairs: list[str]) -> dict[str, Any]:
         except yaml.YAMLError:
             raise InputError(f"--option: found '{pair}', expected a YAML value after '='") from None
     return options
+
+
+def present_parameters(document: dict[str, Any], output: Output, everything: bool) -> None:
+    """Print base and tool, then the parameters that are not held at nominal."""
+    output.title("Base and tool")
+    poses = plain_table(*notebook.POSE_HEADERS)
+    for row in notebook.pose_rows(document):
+        poses.add_row(*row)
+    output.table(poses)
+    parameters = notebook.beside_the_poses(document)
+    told = [entry for entry in parameters if not entry.get("held")]
+    held = len(parameters) - len(told)
+    output.title(plural(len(told), "parameter") + (f", and {held} held at nominal" if held else ""))
+    if not everything and len(told) > _SHOWN:
+        by_effect: dict[str, int] = {}
+        for entry in told:
+            by_effect[entry["effect"]] = by_effect.get(entry["effect"], 0) + 1
+        output.items([f"{effect}: {count}" for effect, count in by_effect.items()])
+        output.say("  (--parameters prints each)")
+        told = [entry for entry in told if outside_words(entry)]
+        if not told:
+            return
+    output.table(_parameter_table(told, document["robot"]))
+    output.say("value: where the column nominal has a figure, what the fit adds to it")
+
+
+def _parameter_table(parameters: list[dict[str, Any]], robot: dict[str, Any]) -> Table:
+    table = plain_table("parameter", "value", "± sigma", "unit", "nominal", "note")
+    for entry in parameters:
+        value, sigma, unit = value_and_sigma(entry["value"], entry.get("sigma"), entry["unit"])
+        if entry.get("fixed"):
+            sigma = "fixed"
+        ties = [tie for tie in entry.get("correlations", []) if abs(tie["r"]) >= _TIED]
+        notes = [f"tied to {tie['with']} ({tie['r']:+.3f})" for tie in ties]
+        outside = outside_words(entry)
+        notes = [outside, *notes] if outside else notes
+        table.add_row(
+            entry["name"], value, sigma, unit, notebook.nominal_words(entry["name"], robot), ", ".join(notes)
+        )
+    return table
+
+
+def outside_words(parameter: dict[str, Any]) -> str:
+    """`outside 0 to 200 µrad/Nm` if the value is beyond its bound by more than its uncertainty, else an empty text."""
+    bound = parameter.get("bound") or 0.0
+    if not bound or parameter.get("held") or parameter.get("fixed"):
+        return ""
+    sign = parameter.get("sign", 0)
+    # The range of a parameter with a physical sign, such as a compliance, ends at zero.
+    lowest, highest = (0.0 if sign > 0 else -bound), (0.0 if sign < 0 else bound)
+    margin = _SIGMAS * (parameter.get("sigma") or 0.0)
+    if lowest - margin <= parameter["value"] <= highest + margin:
+        return ""
+    words, _, unit = value_and_sigma(bound, None, parameter["unit"])
+    if sign:
+        return f"outside {f'0 to {words}' if sign > 0 else f'-{words} to 0'} {unit}"
+    return f"outside ±{words} {unit}"

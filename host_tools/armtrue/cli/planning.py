@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 _MOST_POSES = 2000
 _DISTINCT_SHOWN = 6
+_RANKS = ("weakest", "second weakest", "third weakest")
 
 
 def plan(
@@ -174,7 +175,9 @@ def plan(
             again = f"--poses {poses} --out {shlex.quote(str(following(out)))}{moved}"
             _present_ambiguity(ambiguity, result, f"armtrue plan {shlex.quote(str(fit_file))}", again, output)
     write_file(out, result.csv())
-    present_plan(result, output)
+    reflector = f" of reflector {result.target}" if result.target is not None else ""
+    output.say(f"{plural(result.count, 'pose')}{reflector}{_settings_words(result)}")
+    (_present_separation if result.separates else _present_campaign)(result, output)
     output.say(f"\nwritten: {out}")
     columns = {
         "columns": {name: list(values) for name, values in result.columns.items()},
@@ -182,16 +185,6 @@ def plan(
     }
     open_set = {"ambiguity": ambiguity.figures()} if ambiguity else {}
     output.figures(result.figures | open_set | columns)
-
-
-def present_plan(plan: Plan, output: Output) -> None:
-    """Print the chosen poses and what they are expected to determine."""
-    reflector = f" of reflector {plan.target}" if plan.target is not None else ""
-    output.say(f"{plural(plan.count, 'pose')}{reflector}{_settings_words(plan)}")
-    if plan.separates:
-        _present_separation(plan, output)
-    else:
-        _present_campaign(plan, output)
 
 
 def _present_ambiguity(
@@ -210,9 +203,9 @@ def _present_ambiguity(
             "these poses are for the fit's own parameters."
         )
         return
-    output.title("Alternative explanations")
     first = name(ambiguity.entry)
-    output.items([f"{first} or {name(rival.entry)}: {preference(rival)}" for rival in ambiguity.rivals])
+    preferences = [f"{first} or {name(rival.entry)}: {preference(rival)}" for rival in ambiguity.rivals]
+    output.items(preferences, "Alternative explanations")
     if plan.separates:
         told = "; ".join(name(rival.entry) for rival in ambiguity.rivals if rival.entry in ambiguity.open)
         left_out = sum(not rival.decided and not rival.table for rival in ambiguity.rivals)
@@ -240,12 +233,10 @@ def preference(rival: Rival) -> str:
         return "the second cannot be fitted"
     figure = f"(ΔBIC {rival.delta_bic:+.0f})"
     preferred = "first" if rival.delta_bic > 0.0 else "second"
+    how = "slightly" if abs(rival.delta_bic) < SETTLED else "decisively"
+    sentence = f"the data favour the {preferred} {how} {figure}"
     if abs(rival.delta_bic) < HARDLY:
         sentence = f"the data do not decide {figure}"
-    elif abs(rival.delta_bic) < SETTLED:
-        sentence = f"the data favour the {preferred} slightly {figure}"
-    else:
-        sentence = f"the data favour the {preferred} decisively {figure}"
     if rival.table:
         return f"{sentence}; the second is a table, which fits any cause, with more parameters"
     if rival.delta_bic >= SETTLED and rival.fits_as_well:
@@ -255,16 +246,13 @@ def preference(rival: Rival) -> str:
 
 def _settings_words(plan: Plan) -> str:
     """The values in the plan's columns other than joints, as text."""
-    parts = []
+    words = ""
     for column, values in plan.columns.items():
-        if column.startswith("q"):
-            continue
-        different = sorted({float(value) for value in values})
-        if len(different) <= _DISTINCT_SHOWN:
-            parts.append(f"{column} " + ", ".join(f"{value:g}" for value in different))
-        else:
-            parts.append(f"{column} {different[0]:g} to {different[-1]:g}")
-    return f"; {'; '.join(parts)}" if parts else ""
+        if not column.startswith("q"):
+            different = [f"{value:g}" for value in sorted({float(value) for value in values})]
+            few = len(different) <= _DISTINCT_SHOWN
+            words += f"; {column} {', '.join(different) if few else f'{different[0]} to {different[-1]}'}"
+    return words
 
 
 def _present_separation(plan: Plan, output: Output) -> None:
@@ -326,10 +314,11 @@ def _present_campaign(plan: Plan, output: Output) -> None:
         "error of predictions, RMS over the reach [µm]",
         *(f"{entry['prediction_rms_um']:.1f}" for entry in shown.values()),
     )
+    eigenvalues = [entry["eigenvalues_per_m2"] for entry in shown.values()]
     for which, place in (("largest", -1), ("median", None), ("smallest", 0)):
         table.add_row(
             f"{which} eigenvalue of the Fisher information [1/m²]",
-            *(f"{_eigenvalue(entry, place):.2e}" for entry in shown.values()),
+            *(f"{values[len(values) // 2 if place is None else place]:.2e}" for values in eigenvalues),
         )
     for rank in range(len(information["planned"]["weakest"])):
         table.add_row(
@@ -338,24 +327,14 @@ def _present_campaign(plan: Plan, output: Output) -> None:
         )
     output.table(table)
     output.say(plan.precision() or "")
-    output.title("Weakest direction")
-    output.items([f"{header}: {entry['weakest'][0]['words']}" for header, entry in shown.items()])
+    weakest = [f"{header}: {entry['weakest'][0]['words']}" for header, entry in shown.items()]
+    output.items(weakest, "Weakest direction")
     if figures.get("same_numbers"):
         output.say(
             f"{plural(figures['same_numbers'], 'further parameter')} {'is' if figures['same_numbers'] == 1 else 'are'} "
             "equivalent to another one at every pose: held at nominal."
         )
-    if figures.get("weak"):
-        output.title("What poses of this arm hardly determine")
-        output.items(figures["weak"])
-
-
-_RANKS = ("weakest", "second weakest", "third weakest")
-
-
-def _eigenvalue(entry: dict[str, Any], place: int | None) -> float:
-    values = entry["eigenvalues_per_m2"]
-    return float(values[len(values) // 2 if place is None else place])
+    output.items(figures.get("weak", []), "What poses of this arm hardly determine")
 
 
 def _levels(given: list[str], robot: Robot) -> dict[str, list[float]]:

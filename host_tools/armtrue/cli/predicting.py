@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated, Any
+from contextlib import suppress
+from typing import Annotated
 
 import typer
 
@@ -19,7 +19,7 @@ from armtrue.cli.shared.options import (
 )
 from armtrue.cli.shared.output import Output, plain_table
 from armtrue.errors import InputError
-from armtrue.io import Dataset, Robot, load_data
+from armtrue.io import load_data
 from armtrue.io.dataset import in_file_order
 from armtrue.io.files import csv_text, refuse_to_lose, write_file
 from armtrue.units import plural
@@ -78,10 +78,11 @@ def predict(
             )
     write_file(out, csv_text(names, texts))
     output.items(result.assumed(wanted)[1])
-    measured = _with_positions(poses, result.robot)
-    error = None if measured is None else comparing.prediction_error(predicted, measured)
-    if error is not None:
-        output.say(f"error against the x, y, z of {wanted.file.name}: {comparing.error_words(error)}")
+    # The positions may be missing or unreadable, as a prediction does not need them.
+    with suppress(InputError):
+        measured = in_file_order(load_data(poses, result.robot, strict=False))
+        if error := comparing.prediction_error(predicted, measured):
+            output.say(f"error against the x, y, z of {wanted.file.name}: {comparing.error_words(error)}")
     if out.is_file():  # and no pipe, into which this line would go too
         output.say(f"written: {out} ({', '.join(names)} of {plural(wanted.count, 'row')})")
 
@@ -105,13 +106,6 @@ def compare(
     measurements = load_measurements(data, result.robot, [json_to], skip_bad=skip_bad)
     found = comparing.compare(result, measurements)
     output.items([*measurements.notes, *result.assumed(measurements)[1]])
-    _present(found, output)
-    output.figures(found.figures)
-    if found.figures["verdict"] == "worse":
-        raise typer.Exit(1)
-
-
-def _present(found: Any, output: Output) -> None:
     output.title(found.title)
     for sentence in found.sentences:
         output.say(sentence)
@@ -119,11 +113,6 @@ def _present(found: Any, output: Output) -> None:
     for row in found.figures["rows"]:
         table.add_row(f"row {row['row']}", f"{row['error_um']:.1f}")
     output.table(table)
-
-
-def _with_positions(poses: Path, robot: Robot) -> Dataset | None:
-    """The poses with measured positions; None if missing or unreadable, as a prediction does not need positions."""
-    try:
-        return in_file_order(load_data(poses, robot, strict=False))
-    except InputError:
-        return None
+    output.figures(found.figures)
+    if found.figures["verdict"] == "worse":
+        raise typer.Exit(1)

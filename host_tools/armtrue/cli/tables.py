@@ -5,17 +5,22 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from armtrue.cli.shared.fits import beyond_the_fit
 from armtrue.cli.shared.options import FitArgument, JsonOption, OutOption, PosesArgument, TablesArgument
-from armtrue.cli.shared.output import Output
+from armtrue.cli.shared.output import Output, plain_table
 from armtrue.errors import InputError
 from armtrue.io.files import csv_text, write_file
-from armtrue.tables import layout
-from armtrue.tables.compensate import Engine
+from armtrue.tables import ExportOptions, fitted_arm, layout, signing, validate
+from armtrue.tables import export as make_image
+from armtrue.tables.compensate import Engine, sidecar
+from armtrue.tables.compensate import compensate as run
+from armtrue.tables.image import Image, describe
+from armtrue.tables.layout import Node, Section
 from armtrue.units import plural
 
 tables_app = typer.Typer(no_args_is_help=True, help="Inspect table images.")
@@ -96,16 +101,17 @@ def export(
     Example: armtrue export fit.json --out tables.bin
     """
     from armtrue import fitting
-    from armtrue.tables import signing
-    from armtrue.tables.compensate import sidecar
-    from armtrue.tables.export import ExportOptions
-    from armtrue.tables.export import export as make_image
-    from armtrue.tables.fitted import fitted_arm
-    from armtrue.tables.image import Image
-    from armtrue.tables.info import describe
 
     output = Output(json_to)
-    _refuse_sizes(sequence, max_correction, max_rate, dead_band, damping, payload_max)
+    for name, value, least, most in (
+        ("--sequence", sequence, 0, layout.MAX_SEQUENCE),
+        ("--max-correction", max_correction, 1e-6, 1.0),
+        ("--max-rate", max_rate, 1e-4, 100.0),
+        ("--dead-band", dead_band, 0.0, 0.1),
+        ("--damping", damping, 1e-6, layout.DAMPING[1]),
+        ("--payload-max", payload_max, 0.0, 1e5),
+    ):
+        _refuse_beyond(name, value, least, most)
     document = fitting.Fit.load(fit_file).document
     options = ExportOptions(
         serial=serial,
@@ -119,7 +125,7 @@ def export(
         max_rate=max_rate,
         dead_band=dead_band,
         payload_max_kg=payload_max,
-        secret_seed=None if sign is None else signing.read_seed(sign),
+        secret_seed=None if sign is None else signing.read_key(sign, "secret"),
     )
     arm = fitted_arm(document, fit_file)
     result = make_image(arm, options, fit_file)
@@ -170,10 +176,6 @@ def compensate(
 
     Example: armtrue compensate tables.bin poses.csv --engine fixed --out corrected.csv
     """
-    import numpy as np
-
-    from armtrue.tables.compensate import compensate as run
-
     output = Output(json_to)
     result = run(tables, poses, engine, fit, increments)
     columns = result.columns()
@@ -209,8 +211,6 @@ def keygen(
 
     Example: armtrue keygen --out armtrue.key
     """
-    from armtrue.tables import signing
-
     public_path, key = signing.write_key_pair(out)
     output = Output(None)
     output.say(f"written: {out} (secret: keep it, and do not share it), {public_path}")
@@ -232,46 +232,23 @@ def info(
 
     Example: armtrue tables info tables.bin
     """
-    from armtrue.cli.shared.table_info import present
-    from armtrue.tables import signing
-    from armtrue.tables.fixed import validate
-    from armtrue.tables.image import Image
-    from armtrue.tables.info import describe
-
     output = Output(json_to)
     image = Image.load(tables)
     if key is not None:
-        verdict = validate(image.bytes, public_key=signing.read_public_key(key))
+        verdict = validate(image.bytes, public_key=signing.read_key(key, "public"))
         if not verdict.accepted:
             raise InputError(f"{tables}: found {verdict.reason}, expected a signature by the owner of {key}")
     document = describe(image)
     document["signature_checked"] = key is not None
-    present(document, image, output, terms)
+    _present(document, image, output, terms)
     output.figures(document)
 
 
-def _refuse_sizes(
-    sequence: int,
-    max_correction: float | None,
-    max_rate: float,
-    dead_band: float,
-    damping: float | None,
-    payload_max: float | None,
-) -> None:
-    """Raise InputError for an option of `export` that no table can hold."""
-    limits: list[tuple[str, float | None, float, float]] = [
-        ("--sequence", sequence, 0, layout.MAX_SEQUENCE),
-        ("--max-correction", max_correction, 1e-6, 1.0),
-        ("--max-rate", max_rate, 1e-4, 100.0),
-        ("--dead-band", dead_band, 0.0, 0.1),
-        ("--damping", damping, 1e-6, layout.DAMPING[1]),
-        ("--payload-max", payload_max, 0.0, 1e5),
-    ]
-    for name, value, least, most in limits:
-        # Every comparison with NaN is false, so NaN is refused as well.
-        if value is not None and not least <= value <= most:
-            found = f"{value:.10g}" if isinstance(value, float) else value
-            raise InputError(f"{name}: found {found}, expected {least:.10g} to {most:.10g}")
+def _refuse_beyond(name: str, value: float | None, least: float, most: float) -> None:
+    # Every comparison with NaN is false, so NaN is refused as well.
+    if value is not None and not least <= value <= most:
+        found = f"{value:.10g}" if isinstance(value, float) else value
+        raise InputError(f"{name}: found {found}, expected {least:.10g} to {most:.10g}")
 
 
 def _numbers(text: str | None) -> tuple[float, ...] | None:
@@ -281,3 +258,100 @@ def _numbers(text: str | None) -> tuple[float, ...] | None:
         return tuple(float(part) for part in text.replace(",", " ").split())
     except ValueError:
         raise InputError(f"--increments: found '{text}', expected numbers such as 131072") from None
+
+
+def _quoted(name: str) -> str:
+    return repr(name) if name else "unnamed"
+
+
+def _present(document: dict[str, Any], image: Image, output: Output, terms: bool) -> None:
+    """Print `document`; with `terms` every record of the term list too."""
+    checked = "right" if document["signature_checked"] else "not checked (--key)"
+    signature = f"signed, signature {checked}" if document["signed"] else "not signed"
+    output.say(
+        f"table format {document['format_version']} for robot '{document['robot_serial']}', "
+        f"sequence {document['sequence']}, {document['bytes']} bytes, {signature}"
+    )
+    output.say(
+        f"fit {document['fit_sha256'][:16]}…, {'full pose' if document['full_pose'] else 'position only'}"
+    )
+    output.say(
+        f"blend {document['blend_ms']} ms, damping {document['damping_m_per_rad']:.4f} m/rad, "
+        f"tools {', '.join(_quoted(name) for name in document['tools'])} ({_quoted(document['active_tool'])} active)"
+    )
+    loads = document["loads_act_at"]
+    place = f"; loads act at the {'corrected ' if loads == 'command' else ''}{loads}" if loads else ""
+    output.say(f"reads besides the joints: {', '.join(document['needs']) or 'nothing'}{place}")
+    table = plain_table(
+        "joint", "increments per turn (m)", "one is [µm at tool]", "max [mrad, mm]", "max rate [mrad/s]"
+    )
+    for k, joint in enumerate(document["joints"]):
+        if joint["passive"]:
+            table.add_row(str(k + 1), "no drive", "–", "–", "–")
+            continue
+        turn = 1.0 if joint["type"] == "prismatic" else 2.0 * np.pi
+        table.add_row(
+            str(k + 1),
+            f"{joint['increments_per_unit'] * turn:.10g}",
+            f"{joint['increment_um_at_tool']:.3f}",
+            f"{1e3 * joint['max_correction']:.3f}",
+            f"{1e3 * joint['max_rate']:.1f}",
+        )
+    output.table(table)
+    counts = document["counts"]
+    output.say(
+        f"{plural(counts['state_variables'], 'state variable')}, "
+        f"{plural(counts['nodes'], 'node')} ({counts['nodes_once_a_cycle']} once a "
+        f"cycle), {plural(counts['terms'], 'term')} ({counts['terms_once_a_cycle']} once a cycle), "
+        f"{plural(counts['harmonics'], 'harmonic')}, "
+        f"{plural(counts['slow_waves'], 'slow wave')}, "
+        f"{plural(counts['mass_sets'], 'mass set')}"
+    )
+    output.say(
+        f"a control cycle takes at most {document['cycle_instructions']} instructions of "
+        f"{document['cycle_instructions_budget']} (STM32F405)"
+    )
+    output.say("bytes: " + ", ".join(f"{name} {size}" for name, size in document["section_bytes"].items()))
+    if document["tables"]:
+        grids = plain_table(
+            "table on", "over", "nodes", "covered", "largest [µrad, µm]", "rounding [µm at tool]"
+        )
+        for entry in document["tables"]:
+            axes = entry["axes"]
+            grids.add_row(
+                entry["coordinate"],
+                ", ".join(axis["variable"] for axis in axes),
+                " × ".join(str(axis["nodes"]) for axis in axes),
+                f"{100 * entry['covered']:.0f} %",
+                f"{1e6 * entry['largest']:.1f}",
+                f"{entry['quantisation_um']:.3f}",
+            )
+        output.table(grids)
+    if terms:
+        _present_records(image, output)
+
+
+def _present_records(image: Image, output: Output) -> None:
+    states = image.count(Section.STATE)
+    output.title("State variables")
+    for slot in range(states):
+        output.say(f"  slot {slot:3}: {image.state_name(slot)}")
+    output.title("Nodes")
+    for number, (kind, shift, shift2, count, a, b, p, r) in enumerate(image.nodes()):
+        if kind is Node.CONTINUATION:
+            words = "continued"
+        else:
+            words = f"{kind.name.lower()} a={a} b={b} shift={shift} shift2={shift2} count={count} p={p} r={r}"
+        output.say(f"  slot {states + number:3}: {words}")
+    output.title("Terms")
+    for coordinate, slot, factor in image.terms():
+        output.say(f"  {coordinate} += {factor:.9g} × slot {slot}")
+    output.title("Harmonics")
+    for coordinate, variable, order, phase, amplitude in image.harmonics():
+        output.say(f"  {coordinate} += {amplitude:.6g} sin({order:.10g} {variable} + {phase:.6f})")
+    output.title("Slow waves")
+    for coordinate, variable, (sine, cosine, sine2, cosine2) in image.slow_waves():
+        output.say(
+            f"  {coordinate} += {sine:.6g} sin {variable} + {cosine:.6g} cos {variable} "
+            f"+ {sine2:.6g} sin 2{variable} + {cosine2:.6g} cos 2{variable}"
+        )

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from armtrue.cli.conftest import FIT, armtrue
-from armtrue.cli.shared.bounds import outside_words
+from armtrue.cli.fitting import outside_words
 
 
 @pytest.fixture

@@ -106,11 +106,8 @@ def open_workbench(
         server.serve_forever()
     except KeyboardInterrupt:
         sys.stdout.flush()
-        print(
-            "\nThe session is kept; 'armtrue open' on the same files goes on with it.",
-            file=sys.stderr,
-            flush=True,
-        )
+        kept = "\nThe session is kept; 'armtrue open' on the same files goes on with it."
+        print(kept, file=sys.stderr, flush=True)
     # _exit, so as not to wait for a fit that still runs in its own thread and is no longer needed.
     os._exit(0)
 
@@ -121,7 +118,7 @@ def _device(interface: str | None, channel: str | None, bitrate: int | None, nod
         return None
     if interface is None or channel is None:
         raise InputError("--interface, --channel: found one without the other, expected both")
-    from armtrue.device.bus import BusOptions, open_bus, quiet_interfaces
+    from armtrue.device.connection import BusOptions, open_bus, quiet_interfaces
     from armtrue.device.sdo import DEFAULT_TIMEOUT_S
     from armtrue.workbench.compensator import Device
 

@@ -128,18 +128,10 @@ def examine(targets: Array, actuals: Array, absent: frozenset[int] = frozenset()
     }
     axes = []
     for j in range(joints):
-        own = matches.get((j, j))
         follows = _followed({k: matches[j, k].explained for k in range(joints) if (j, k) in matches})
-        is_own = own is not None and j + 1 in follows
-        axes.append(
-            Axis(
-                commanded=float(commanded[j]),
-                moved=moved[j],
-                follows=follows,
-                slope=own.slope if own is not None and is_own else None,
-                delay=own.delay if own is not None and is_own else None,
-            )
-        )
+        own = matches[j, j] if j + 1 in follows else None
+        slope, delay = (None, None) if own is None else (own.slope, own.delay)
+        axes.append(Axis(float(commanded[j]), moved[j], follows, slope, delay))
     return Report(axes, _findings(axes, matches, absent), _unknown(axes))
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import configparser
+import re
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 
-from armtrue.device.eds import dictionary
 from armtrue.device.image import checksum_of, own_checksum
 from armtrue.device.sdo import ByteProgress, CommunicationError, SdoAbortError, SdoClient
 
@@ -76,6 +79,54 @@ _SAVE = int.from_bytes(b"save", "little")
 _FIRST_PATIENCE_S = 0.5
 
 
+# CiA 301, table 44: data type -> (bytes, signed); 0 bytes: a string or a DOMAIN.
+_TYPES = {
+    0x0002: (1, True),
+    0x0003: (2, True),
+    0x0004: (4, True),
+    0x0005: (1, False),
+    0x0006: (2, False),
+    0x0007: (4, False),
+    0x0009: (0, False),
+    0x000F: (0, False),
+}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One value of the dictionary."""
+
+    index: int
+    sub: int
+    name: str
+    size: int
+    signed: bool
+
+    @property
+    def is_number(self) -> bool:
+        """Whether the value is an integer (and not text or a DOMAIN)."""
+        return self.size > 0
+
+
+@cache
+def dictionary() -> dict[str, Entry]:
+    """All values by name: `Object` for a variable, `Object.Sub name` for a sub-index."""
+    parser = configparser.ConfigParser(interpolation=None, comment_prefixes=(";",))
+    text = files("armtrue.device").joinpath("armtrue.eds").read_text(encoding="ascii")
+    parser.read_string(text)
+    found: dict[str, Entry] = {}
+    for section in parser.sections():
+        place = re.fullmatch(r"([0-9A-Fa-f]{4})(?:sub([0-9A-Fa-f]+))?", section)
+        if place is None or "DataType" not in parser[section]:
+            continue
+        index, sub = int(place[1], 16), int(place[2] or "0", 16)
+        own_name = parser[section]["ParameterName"]
+        name = own_name if place[2] is None else f"{parser[place[1]]['ParameterName']}.{own_name}"
+        size, signed = _TYPES[int(parser[section]["DataType"], 0)]
+        found[name] = Entry(index, sub, name, size, signed)
+    return found
+
+
 class DeviceRefusedError(Exception):
     """The device refused a request; the message says why and what to do."""
 
@@ -100,7 +151,7 @@ class Compensator:
     def __init__(self, client: SdoClient) -> None:
         self.client = client
 
-    def read(self, name: str) -> int | str | bytes:
+    def read(self, name: str) -> int | str:
         """The value of an object by its EDS name."""
         entry = dictionary()[name]
         data = self.client.upload(entry.index, entry.sub)
@@ -128,7 +179,7 @@ class Compensator:
         """All values of the named records and variables; those of a record are named `Record.Value`."""
         names = [name for name in dictionary() if name.split(".")[0] in objects]
         kept = [name for name in names if not name.endswith("Highest sub-index supported")]
-        return Status({name: self._plain(name) for name in kept})
+        return Status({name: self.read(name) for name in kept})
 
     def greet(self) -> None:
         """End any transfer that an interrupted client left open, and check that the node is a compensator.
@@ -151,7 +202,7 @@ class Compensator:
     def _check_product(self) -> None:
         product = self.read_number("Identity object.Product code")
         if product != _PRODUCT_CODE:
-            name = self._plain("Manufacturer device name")
+            name = self.read("Manufacturer device name")
             raise DeviceRefusedError(
                 f"the node is a '{name}' (product code 0x{product:08X}), not a compensator"
             )
@@ -237,21 +288,15 @@ class Compensator:
         failed = self.read_number("Self-test.Tests failed")
         return {name: not failed & 1 << bit for bit, name in enumerate(SELF_TESTS)}
 
-    def _plain(self, name: str) -> int | str:
-        value = self.read(name)
-        return value if isinstance(value, int) else str(value)
-
     def _explain(self, word: str, refusal: SdoAbortError) -> str:
         if refusal.code == _DEVICE_STATE and not self.is_quiet():
             return STILL_MOVING
         reason = self.read_number("Table status.Refusal reason")
-        if refusal.code == _DEVICE_STATE and reason == _OTHER_AXES:
-            return f"the device refused the table: {REFUSALS[reason]}"
-        if refusal.code == _INCOMPATIBLE:
-            at = self.read_number("Table status.Refusal byte offset")
-            return f"the device refused the table: {REFUSALS.get(reason, f'reason {reason}')} (byte {at} of the image)"
+        refused = f"the device refused the table: {REFUSALS.get(reason, f'reason {reason}')}"
         if refusal.code == _DEVICE_STATE:
-            return _NOTHING_TO_DO[word]
+            return refused if reason == _OTHER_AXES else _NOTHING_TO_DO[word]
+        if refusal.code == _INCOMPATIBLE:
+            return f"{refused} (byte {self.read_number('Table status.Refusal byte offset')} of the image)"
         return f"the device could not do it: {refusal}"
 
 
@@ -282,7 +327,6 @@ _NOTHING_TO_DO = {
 }
 
 
-def name_of(names: Iterable[str], number: int) -> str:
+def name_of(names: tuple[str, ...], number: int) -> str:
     """The name at a place of one of the tuples above, or the number itself."""
-    known = tuple(names)
-    return known[number] if 0 <= number < len(known) else str(number)
+    return names[number] if number < len(names) else str(number)

@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import can
@@ -87,27 +86,18 @@ class Recording:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         try:
             self.settle()
             with self._one_sentence():
                 self._writer.stop()
         finally:
-            self._take_name()
-
-    def _take_name(self) -> None:
-        if not self._keep:
-            shutil.rmtree(self._folder)
-            return
-        try:
-            self._beside.replace(self._file)
-            self._folder.rmdir()
-        except OSError as failed:
-            raise InputError(
-                f"{self._file}: cannot be written ({failed.strerror}); the recording is {self._beside}"
-            ) from None
+            if self._keep:
+                with self._one_sentence(f"; the recording is {self._beside}"):
+                    self._beside.replace(self._file)
+                    self._folder.rmdir()
+            else:
+                shutil.rmtree(self._folder)
 
     def _write(self, message: can.Message) -> None:
         message.channel = self._label
@@ -116,8 +106,8 @@ class Recording:
         self.frames += 1
 
     @contextmanager
-    def _one_sentence(self) -> Iterator[None]:
+    def _one_sentence(self, more: str = "") -> Iterator[None]:
         try:
             yield
         except OSError as failed:
-            raise InputError(f"{self._file}: cannot be written ({failed.strerror})") from None
+            raise InputError(f"{self._file}: cannot be written ({failed.strerror}){more}") from None

@@ -78,11 +78,6 @@ def _no_progress(done: int, total: int) -> None:
     """Ignore the progress."""
 
 
-def crc16(data: bytes) -> int:
-    """CRC of block transfer: polynomial 0x1021, start 0 (CiA 301, 7.2.4.3.16)."""
-    return binascii.crc_hqx(data, 0)
-
-
 class Bus(Protocol):
     """The methods of can.BusABC that a client uses."""
 
@@ -106,7 +101,7 @@ class SdoClient:
 
     def upload(self, index: int, sub: int, progress: ByteProgress = _no_progress) -> bytes:
         """Read an object. Raises SdoAbortError, CommunicationError."""
-        answer = self._initiate(index, sub, self._multiplexed(0x40, index, sub))
+        answer = self._ask(index, sub, self._multiplexed(0x40, index, sub), is_first=True)
         command = answer[0]
         if command >> 5 != 2:
             raise self._confused(answer, "an upload response")
@@ -144,7 +139,7 @@ class SdoClient:
         if not 1 <= len(data) <= 4:
             raise ValueError(f"{len(data)} bytes, expected one to four")
         request = self._multiplexed(0x23 | (4 - len(data)) << 2, index, sub, data.ljust(4, b"\0"))
-        answer = self._initiate(index, sub, request, timeout_s)
+        answer = self._ask(index, sub, request, timeout_s, is_first=True)
         if answer[0] != 0x60:
             raise self._confused(answer, "a download response")
 
@@ -153,7 +148,7 @@ class SdoClient:
     ) -> None:
         """Write an object of any size, one segment and one confirmation at a time."""
         request = self._multiplexed(0x21, index, sub, len(data).to_bytes(4, "little"))
-        answer = self._initiate(index, sub, request)
+        answer = self._ask(index, sub, request, is_first=True)
         if answer[0] != 0x60:
             raise self._confused(answer, "a download response")
         toggle = 0
@@ -172,7 +167,7 @@ class SdoClient:
     ) -> None:
         """Write an object of at least one byte in blocks, with CRC; lost segments are sent again."""
         request = self._multiplexed(0xC6, index, sub, len(data).to_bytes(4, "little"))
-        answer = self._initiate(index, sub, request)
+        answer = self._ask(index, sub, request, is_first=True)
         if answer[0] >> 5 != 5 or answer[0] & 3 != 0:
             raise self._confused(answer, "a block download response")
         block_size = self._block_size(answer, 4)
@@ -194,9 +189,9 @@ class SdoClient:
                 block_size = self._block_size(answer, 2)
             progress(min(sent * SEGMENT, len(data)), len(data))
         unused = -len(data) % SEGMENT
-        answer = self._ask(
-            index, sub, bytes([0xC1 | unused << 2]) + crc16(data).to_bytes(2, "little") + bytes(5)
-        )
+        # Polynomial 0x1021, start 0 (CiA 301, 7.2.4.3.16).
+        checksum = binascii.crc_hqx(data, 0).to_bytes(2, "little")
+        answer = self._ask(index, sub, bytes([0xC1 | unused << 2]) + checksum + bytes(5))
         if answer[0] != 0xA1:
             raise self._confused(answer, "the end of a block download")
 
@@ -213,20 +208,18 @@ class SdoClient:
     def _multiplexed(self, command: int, index: int, sub: int, data: bytes = bytes(4)) -> bytes:
         return bytes([command, index & 0xFF, index >> 8, sub]) + data
 
-    def _initiate(self, index: int, sub: int, request: bytes, timeout_s: float | None = None) -> bytes:
-        """The answer to a request that names its object. Answers about other objects are ignored: they belong to
-        another client or to an interrupted transfer.
-        """
-        return self._ask(index, sub, request, timeout_s, request[1:4])
-
     def _ask(
-        self, index: int, sub: int, request: bytes, timeout_s: float | None = None, place: bytes | None = None
+        self, index: int, sub: int, request: bytes, timeout_s: float | None = None, is_first: bool = False
     ) -> bytes:
+        """The answer to a request. The first of a transfer names its object: answers about other objects are ignored,
+        which belong to another client or to an interrupted transfer.
+        """
         # Frames received before the request do not answer it. _SWEEP_S limits the loop on a bus that is never idle.
         give_up = time.monotonic() + _SWEEP_S
         while self._bus.recv(0.0) is not None and time.monotonic() < give_up:
             pass
         self._send(request)
+        place = request[1:4] if is_first else None
         return self._receive(index, sub, self.timeout_s if timeout_s is None else timeout_s, place)
 
     def _send(self, payload: bytes) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import can
 import pytest
 
-from armtrue.device.bus import BusOptions, open_bus
+from armtrue.device.connection import BusOptions, open_bus
 from armtrue.device.sdo import CommunicationError
 from armtrue.errors import InputError
 

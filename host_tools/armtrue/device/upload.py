@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 
 from armtrue.device.compensator import NO_SLOT, STILL_MOVING, Compensator, DeviceRefusedError, Status
 from armtrue.device.image import ImageInfo
-from armtrue.device.sdo import CommunicationError, SdoAbortError
+from armtrue.device.sdo import ByteProgress, CommunicationError, SdoAbortError
 from armtrue.errors import InputError
 from armtrue.units import plural
 
 TRANSFER_ATTEMPTS = 3
 STAGING = (0x2010, 0)  # the object that a table is transferred into
-_VERIFIED, _COMMITTED = 3, 5
-_RECEIVED = 2
+# Staging states of a whole image: received, verified, committed.
+_TRANSFERRED = (2, 3, 5)
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class UploadResult:
     on_trial: bool = False
 
 
-# tell(step just finished), transfer(bytes done, bytes in all)
+# tell(step just finished)
 StepListener = Callable[[Step], None]
 
 
@@ -47,15 +47,13 @@ def compare(image: ImageInfo, device: Status) -> None:
     Raises InputError naming what was found and what the device expects.
     """
 
-    def refuse(found: str, expected: str) -> None:
+    def refuse(found: str, expected: int | str) -> None:
         raise InputError(f"{image.path}: {found}, the device expects {expected}")
 
     if image.format_version > device["Table status.Format version read"]:
-        refuse(f"table format {image.format_version}", str(device["Table status.Format version read"]))
+        refuse(f"table format {image.format_version}", device["Table status.Format version read"])
     if image.joint_count != device["Compensator status.Joint count"]:
-        refuse(
-            f"a table for {plural(image.joint_count, 'joint')}", str(device["Compensator status.Joint count"])
-        )
+        refuse(f"a table for {plural(image.joint_count, 'joint')}", device["Compensator status.Joint count"])
     serial = device.text("Robot serial")
     if serial and image.robot_serial != serial:
         refuse(f"a table for robot '{image.robot_serial}'", f"robot '{serial}'")
@@ -77,7 +75,7 @@ def upload_image(
     device: Compensator,
     image: ImageInfo,
     tell: StepListener,
-    transfer_progress: Callable[[int, int], None],
+    transfer_progress: ByteProgress,
     block: bool = True,
     confirm: bool = False,
 ) -> UploadResult:
@@ -93,95 +91,85 @@ def upload_image(
 
     Raises InputError (the image is not for this device), DeviceRefusedError, CommunicationError.
     """
-    result = UploadResult()
-
-    def done(name: str, note: str = "") -> None:
-        step = Step(name, note)
-        result.steps.append(step)
-        tell(step)
-
+    upload = _Upload(device, image, tell, transfer_progress, block)
     status = device.identify()
     compare(image, status)
-    done("compared", "the image is for this device")
-    in_force = (
+    upload.done("compared", "the image is for this device")
+    upload.result.on_trial = bool(status["Table status.Trial"])
+    if (
         status["Table status.Active slot"] != NO_SLOT
         and status["Table status.Checksum of active image"] == image.checksum
-    )
-    result.on_trial = bool(status["Table status.Trial"])
-    if in_force:
-        done("already in force", "on trial" if result.on_trial else "confirmed")
+    ):
+        upload.done("already in force", "on trial" if upload.result.on_trial else "confirmed")
+    elif upload.result.on_trial:
+        raise DeviceRefusedError("another table is on trial: 'armtrue device confirm' or 'revert' first")
     else:
-        if result.on_trial:
-            raise DeviceRefusedError("another table is on trial: 'armtrue device confirm' or 'revert' first")
-        _bring_into_force(device, image, status, done, transfer_progress, block, result)
-    if confirm and result.on_trial:
+        upload.bring_into_force(status)
+    if confirm and upload.result.on_trial:
         device.command("cfrm")
-        result.on_trial = False
-        done("confirmed", "active after every start")
-    return result
+        upload.result.on_trial = False
+        upload.done("confirmed", "active after every start")
+    return upload.result
 
 
-def _bring_into_force(
-    device: Compensator,
-    image: ImageInfo,
-    status: Status,
-    done: Callable[..., None],
-    transfer_progress: Callable[[int, int], None],
-    block: bool,
-    result: UploadResult,
-) -> None:
-    staging = status["Table status.Staging state"]
-    is_there = (
-        staging in (_RECEIVED, _VERIFIED, _COMMITTED)
-        and status["Table status.Checksum of staged image"] == image.checksum
-    )
-    if is_there:
-        done("transferred", "by an earlier attempt")
-    else:
-        if not device.is_quiet():
-            raise DeviceRefusedError(STILL_MOVING)
-        _transfer(device, image, transfer_progress, block, result)
-        rate = result.bytes_sent / result.seconds if result.seconds > 0 else 0.0
-        done("transferred", f"{result.bytes_sent} bytes in {result.seconds:.2f} s ({rate / 1000:.1f} kB/s)")
-    device.command("vrfy")
-    done("verified", "length, checksum, signature, robot, contents")
-    device.command("cmit")
-    done("committed", "in the spare slot")
-    device.command("actv")
-    active = device.read_number("Table status.Checksum of active image")
-    if active != image.checksum:
-        raise DeviceRefusedError(
-            f"the device reports checksum 0x{active:08X} of the active table, expected 0x{image.checksum:08X}"
-        )
-    result.on_trial = True
-    done("activated", "on trial until confirmed: a reset goes back to the one before")
+@dataclass
+class _Upload:
+    device: Compensator
+    image: ImageInfo
+    tell: StepListener
+    progress: ByteProgress
+    block: bool
+    result: UploadResult = field(default_factory=UploadResult)
 
+    def done(self, name: str, note: str = "") -> None:
+        self.result.steps.append(Step(name, note))
+        self.tell(self.result.steps[-1])
 
-def _transfer(
-    device: Compensator,
-    image: ImageInfo,
-    progress: Callable[[int, int], None],
-    block: bool,
-    result: UploadResult,
-) -> None:
-    """Transfer an image, and start again from the beginning if the transfer fails."""
-    begin = time.monotonic()
-    frames = device.client.frames
-    for attempt in range(1, TRANSFER_ATTEMPTS + 1):
-        try:
-            device.stage(image.data, block, progress)
-            break
-        except (CommunicationError, SdoAbortError):
-            if attempt == TRANSFER_ATTEMPTS:
+    def bring_into_force(self, status: Status) -> None:
+        device, result = self.device, self.result
+        if (
+            status["Table status.Staging state"] in _TRANSFERRED
+            and status["Table status.Checksum of staged image"] == self.image.checksum
+        ):
+            self.done("transferred", "by an earlier attempt")
+        else:
+            if not device.is_quiet():
+                raise DeviceRefusedError(STILL_MOVING)
+            self._transfer()
+            rate = result.bytes_sent / result.seconds if result.seconds > 0 else 0.0
+            words = f"{result.bytes_sent} bytes in {result.seconds:.2f} s ({rate / 1000:.1f} kB/s)"
+            self.done("transferred", words)
+        device.command("vrfy")
+        self.done("verified", "length, checksum, signature, robot, contents")
+        device.command("cmit")
+        self.done("committed", "in the spare slot")
+        device.command("actv")
+        active = device.read_number("Table status.Checksum of active image")
+        if active != self.image.checksum:
+            raise DeviceRefusedError(
+                f"the device reports checksum 0x{active:08X} of the active table, "
+                f"expected 0x{self.image.checksum:08X}"
+            )
+        result.on_trial = True
+        self.done("activated", "on trial until confirmed: a reset goes back to the one before")
+
+    def _transfer(self) -> None:
+        """Transfer the image, and start again from the beginning if the transfer fails."""
+        device, begin, frames = self.device, time.monotonic(), self.device.client.frames
+        for attempt in range(1, TRANSFER_ATTEMPTS + 1):
+            try:
+                device.stage(self.image.data, self.block, self.progress)
+                break
+            except (CommunicationError, SdoAbortError):
+                if attempt == TRANSFER_ATTEMPTS:
+                    raise
+                # The device may still be waiting for segments of the attempt that failed.
+                device.client.abort(*STAGING)
+            except KeyboardInterrupt:
+                device.client.abort(*STAGING)
                 raise
-            # The device may still be waiting for segments of the attempt that failed.
-            device.client.abort(*STAGING)
-        except KeyboardInterrupt:
-            device.client.abort(*STAGING)
-            raise
-    staged = device.read_number("Table status.Checksum of staged image")
-    if staged != image.checksum:
-        raise CommunicationError("what arrived is not what was sent (checksum of the staged image)")
-    result.bytes_sent = len(image.data)
-    result.seconds = time.monotonic() - begin
-    result.frames = device.client.frames - frames
+        if device.read_number("Table status.Checksum of staged image") != self.image.checksum:
+            raise CommunicationError("what arrived is not what was sent (checksum of the staged image)")
+        self.result.bytes_sent = len(self.image.data)
+        self.result.seconds = time.monotonic() - begin
+        self.result.frames = device.client.frames - frames

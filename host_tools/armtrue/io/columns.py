@@ -6,9 +6,10 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from armtrue.io.robot import Robot
-from armtrue.io.sensor_names import is_sensor
+if TYPE_CHECKING:
+    from armtrue.io.robot import Robot
 
 TEXT_COLUMNS = ("target", "repeat")
 QUATERNION = ("qw", "qx", "qy", "qz")
@@ -40,15 +41,34 @@ UNITS: dict[str, tuple[str, float, float]] = {
     "h": ("time", 3600.0, 0.0),
 }
 
-_PER_JOINT = re.compile(r"^(qr|q|dir|tau)([0-9]+)$")
+_PER_JOINT = re.compile(r"^(qr|q|dir|tau|travel|duty)([0-9]+)$")
 # Columns of the contract that only one effect reads; if a column holds other than numbers, it is not used.
-_OF_ONE_EFFECT = re.compile(r"^(station|nest)$|^(travel|duty)([0-9]+)$")
-_PER_JOINT_OF_ONE_EFFECT = re.compile(r"^(travel|duty)([0-9]+)$")
+_OF_ONE_EFFECT = re.compile(r"^(station|nest|(travel|duty)[0-9]+)$")
 TRAVEL = re.compile(r"\btravel[0-9]+\b")
 # Travel of a joint in its last direction where it is not known, on a device or in a planned pose: most motions are
 # long [rad, m].
 FAR_TRAVEL = 1e9
-_KIND_OF = {"x": "length", "y": "length", "z": "length", "sigma": "length", "payload": "mass", "time": "time"}
+_KIND_OF = {
+    **dict.fromkeys(TEXT_COLUMNS, "text"),
+    **dict.fromkeys((*POSITION, "sigma"), "length"),
+    **dict.fromkeys((*QUATERNION, "station", "nest"), "number"),
+    "payload": "mass",
+    "time": "time",
+}
+_KINDS_OF_JOINTS = {"dir": "number", "duty": "number", "tau": "torque"}
+
+
+def is_sensor(name: str) -> bool:
+    """True where expressions can read `dT_name`: letters, digits and underscores."""
+    return re.fullmatch(r"[A-Za-z0-9_]+", name) is not None
+
+
+def contract_name(header: str) -> str:
+    """`temp_arm_1` for `temp_arm 1` or `temp_arm-1 (°C)`; any other header as it is."""
+    if not header.startswith("temp_"):
+        return header
+    sensor = re.sub(r"\s*[(\[].*$", "", header.removeprefix("temp_"))
+    return "temp_" + re.sub(r"[^A-Za-z0-9_]+", "_", sensor).strip("_")
 
 
 def commanded_joints(names: Iterable[str]) -> list[str]:
@@ -73,56 +93,28 @@ class ColumnNames:
 
     def kind(self, name: str) -> str | None:
         """What `name` holds: a kind of `UNITS`, "number" (no unit), "text", or None where the name is not known."""
-        if name in TEXT_COLUMNS:
-            return "text"
-        if name in QUATERNION:
-            return "number"
-        if name in _KIND_OF:
-            return _KIND_OF[name]
         if name.startswith("temp_"):
             return "temperature" if is_sensor(name.removeprefix("temp_")) else None
-        if self.of_one_effect(name):
-            return (
-                self._joint_kind(int(name.removeprefix("travel"))) if name.startswith("travel") else "number"
-            )
-        match = _PER_JOINT.match(name)
-        if not match or not 1 <= int(match[2]) <= self.robot.joint_count:
+        if not (match := _PER_JOINT.match(name)):
+            return _KIND_OF.get(name)
+        if not 1 <= int(match[2]) <= self.robot.joint_count:
             return None
-        if match[1] in ("dir", "tau"):
-            return {"dir": "number", "tau": "torque"}[match[1]]
-        return self._joint_kind(int(match[2]))
-
-    def _joint_kind(self, joint: int) -> str:
-        return "angle" if self.robot.joints[joint - 1]["type"] == "revolute" else "length"
+        is_revolute = self.robot.joints[int(match[2]) - 1]["type"] == "revolute"
+        return _KINDS_OF_JOINTS.get(match[1], "angle" if is_revolute else "length")
 
     def of_one_effect(self, name: str) -> bool:
         """True for `station`, `nest`, `travel1…traveln` and `duty1…dutyn`."""
-        match = _OF_ONE_EFFECT.match(name)
-        if match is None:
-            return False
-        return match[3] is None or 1 <= int(match[3]) <= self.robot.joint_count
-
-    def is_direction(self, name: str) -> bool:
-        """True for `dir1…dirn`."""
-        return name.startswith("dir") and self.kind(name) is not None
+        return _OF_ONE_EFFECT.match(name) is not None and self.kind(name) is not None
 
     def joint_beyond_arm(self, name: str) -> bool:
         """True for `q7` and its like on a six-axis arm."""
-        match = _PER_JOINT.match(name)
-        return bool(match) and self.kind(name) is None
-
-    def commanded(self) -> list[str]:
-        """`q1…qn` of the joints that have a motor."""
-        return [f"q{k}" for k in self.robot.motors]
+        is_known = self.kind(name) is not None or _OF_ONE_EFFECT.match(name) is not None
+        return _PER_JOINT.match(name) is not None and not is_known
 
     def of_passive(self, name: str) -> bool:
         """True for a column of a passive joint, which has no drive to report on."""
-        match = _PER_JOINT.match(name) or _PER_JOINT_OF_ONE_EFFECT.match(name)
+        match = _PER_JOINT.match(name)
         return match is not None and int(match[2]) in self.robot.passive
-
-    def required(self, need_position: bool) -> list[str]:
-        """The columns that every file needs."""
-        return [*self.commanded(), *(POSITION if need_position else ())]
 
     def all(self) -> list[str]:
         """Every column name, for suggestions on misspelt ones."""

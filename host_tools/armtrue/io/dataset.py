@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,15 @@ from numpy.typing import NDArray
 from armtrue.arrays import Array
 from armtrue.errors import InputError, RowError, did_you_mean, shorten
 from armtrue.io import rotation
-from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, ColumnNames, commanded_joints, span
+from armtrue.io.columns import (
+    POSITION,
+    QUATERNION,
+    TEXT_COLUMNS,
+    ColumnNames,
+    commanded_joints,
+    contract_name,
+    span,
+)
 from armtrue.io.delimited import RawColumns, read_columns
 from armtrue.io.layout import (
     Layout,
@@ -26,9 +35,8 @@ from armtrue.io.layout import (
     yaml_layout,
 )
 from armtrue.io.model import EXPRESSION_WORDS, state_names
-from armtrue.io.plausible import WrongUnitError, refuse_lost, refuse_wrong_units
+from armtrue.io.plausible import WrongUnitError, refuse_wrong_units
 from armtrue.io.robot import Robot
-from armtrue.io.sensor_names import contract_name
 from armtrue.io.ways import directions, travels
 from armtrue.units import plural
 
@@ -123,6 +131,10 @@ class Dataset:
         passive = {name: values[which] for name, values in self.passive.items()}
         return replace(self, columns=columns, rows=self.rows[which], turns=turns, passive=passive)
 
+    def noting(self, note: str, **changes: Any) -> Dataset:
+        """Return the measurements with `changes` of their fields and with a further note on their file."""
+        return replace(self, notes=[*self.notes, f"{self.file.name}: {note}"], **changes)
+
     def without(self, rows: list[int]) -> Dataset:
         """Return the measurements without these rows of the file. Errors: InputError for a row that is not there."""
         if unknown := sorted(set(rows) - set(self.rows.tolist())):
@@ -165,8 +177,13 @@ def load_data(
             if data.count == 0:
                 raise InputError(f"{layout.file}: found no rows of measurements, expected at least one")
             _check_values(data)
-            if strict:
-                refuse_lost(data.file, data.rows[data.lost])
+            if strict and data.lost.any():
+                row = int(data.rows[data.lost][0])
+                raise RowError(
+                    row,
+                    f"{data.file} row {row} columns x, y, z: found 0, 0, 0, which instruments write that have lost "
+                    "their reflector, expected a measured position",
+                )
             break
         except RowError as error:
             if not skip_bad:
@@ -216,11 +233,9 @@ def _with_passive_still(data: Dataset, robot: Robot) -> Dataset:
                 f"{data.file} column q{k}: found values up to {apart:.3g} {unit} from robot.yaml's coupling, expected "
                 f"no column (joint {k} is passive), the same value in all rows, or the angle by that coupling"
             )
-        moved.notes.append(
-            f"{data.file.name}: q{k} is not used: joint {k} has no motor, and its link follows"
-        )
+        moved = moved.noting(f"q{k} is not used: joint {k} has no motor, and its link follows")
     if others := sorted(name for name in data.columns if names.of_passive(name) and name not in given):
-        moved.notes.append(f"{data.file.name}: not used, as the joints have no motor: {', '.join(others)}")
+        moved = moved.noting(f"not used, as the joints have no motor: {', '.join(others)}")
     return replace(moved, columns={**moved.columns, **still}, passive=given)
 
 
@@ -252,8 +267,7 @@ def with_joints_mapped(columns: Mapping[str, Array], matrix: Array) -> dict[str,
 
 def in_file_order(data: Dataset) -> Dataset:
     """`data` with its entries in the order of the file, from which `sort_by: time` may have moved them."""
-    order = np.argsort(data.rows, kind="stable")
-    return data.take(order)
+    return data.take(np.argsort(data.rows, kind="stable"))
 
 
 def fixed_targets(data: Dataset) -> list[int]:
@@ -277,17 +291,16 @@ def without_copies(data: Dataset) -> Dataset:
     Rows of a file that was appended twice are no repeats: taken for repeats, they would show zero noise. Real repeats
     of a pose differ in time or in the measured values.
     """
-    table = np.column_stack([data.columns[name] for name in sorted(data.columns)])
+    table = np.column_stack(list(data.columns.values()))
     first: dict[bytes, int] = {}
     for entry, row in enumerate(table):
         first.setdefault(row.tobytes(), entry)
     copies = data.count - len(first)
     if not copies:
         return data
-    kept = data.take(np.array(list(first.values())))
     rows = "row that equals an earlier one" if copies == 1 else "rows that equal earlier ones"
-    note = f"{data.file.name}: left out {copies} {rows} in every column: copies are no measurements"
-    return replace(kept, notes=[*data.notes, note])
+    note = f"left out {copies} {rows} in every column: copies are no measurements"
+    return data.take(np.array(list(first.values()))).noting(note)
 
 
 def with_travels(data: Dataset) -> Dataset:
@@ -298,10 +311,10 @@ def with_travels(data: Dataset) -> Dataset:
         return data
     joints = sorted(int(name.removeprefix("travel")) for name in found)
     note = (
-        f"{data.file.name}: {span('travel', joints)}, the travel of a joint since its last reversal, is derived from "
+        f"{span('travel', joints)}, the travel of a joint since its last reversal, is derived from "
         "the order of the rows, with which dir agrees"
     )
-    return replace(data, columns=data.columns | found, notes=[*data.notes, note], derived=frozenset(found))
+    return data.noting(note, columns=data.columns | found, derived=frozenset(found))
 
 
 def _without_unrecorded(data: Dataset) -> Dataset:
@@ -310,25 +323,20 @@ def _without_unrecorded(data: Dataset) -> Dataset:
     A controller that does not log directions often writes 0. Taken for measurements, such columns would count as
     recorded and keep the effects that read them from being named as untestable.
     """
-    still = np.ptp(data.joints, axis=0) == 0.0
-    unrecorded: list[str] = []
-    notes = list(data.notes)
+    moves = np.flatnonzero(np.ptp(data.joints, axis=0)) + 1
     for stem in ("dir", "travel", "duty"):
-        joints = [
-            k
-            for k, stands in enumerate(still, start=1)
-            if not stands and not np.any(data.columns.get(f"{stem}{k}", 1.0))
-        ]
+        joints = [int(k) for k in moves if not np.any(data.columns.get(f"{stem}{k}", 1.0))]
         if joints:
-            verb = "is" if len(joints) == 1 else "are"
-            notes.append(
-                f"{data.file.name}: {span(stem, joints)} {verb} 0 in all rows: taken as not recorded"
+            names = {f"{stem}{k}" for k in joints}
+            columns = {name: values for name, values in data.columns.items() if name not in names}
+            data = data.noting(
+                f"{_unrecorded(stem, joints)} 0 in all rows: taken as not recorded", columns=columns
             )
-        unrecorded += [f"{stem}{k}" for k in joints]
-    if not unrecorded:
-        return data
-    columns = {name: values for name, values in data.columns.items() if name not in unrecorded}
-    return replace(data, columns=columns, notes=notes)
+    return data
+
+
+def _unrecorded(stem: str, joints: list[int]) -> str:
+    return f"{span(stem, joints)} {'is' if len(joints) == 1 else 'are'}"
 
 
 def without_fixed_targets(data: Dataset) -> Dataset:
@@ -348,21 +356,19 @@ def without_fixed_targets(data: Dataset) -> Dataset:
     gone = int((~keep).sum())
     are = "is" if gone == 1 else "are"
     note = (
-        f"{data.file.name}: target {words} does not move with the arm; its {plural(gone, 'row')} {are} left out "
+        f"target {words} does not move with the arm; its {plural(gone, 'row')} {are} left out "
         "(armtrue check says whether it drifted)"
     )
-    return replace(kept, columns=columns, labels=labels, notes=[*data.notes, note])
+    return kept.noting(note, columns=columns, labels=labels)
 
 
 def _require_columns(layout: Layout, path: Path, robot: Robot, need_position: bool) -> None:
     names = layout.names()
-    required = ColumnNames(robot).required(need_position)
+    required = [*(f"q{k}" for k in robot.motors), *(POSITION if need_position else ())]
     for name in required:
         if name not in names:
-            alike = [own for own in required if (own in POSITION) == (name in POSITION)]
-            others = (
-                f" beside {', '.join(own for own in alike if own in names)}" if names & set(alike) else ""
-            )
+            present = [own for own in required if own in names and (own in POSITION) == (name in POSITION)]
+            others = f" beside {', '.join(present)}" if present else ""
             near = did_you_mean(name, layout.unused)
             found = f"{path}: found no column '{name}'{'' if near else others}, expected it{near}"
             # A file that has the others under their names is in the contract's form, and only lacks this one.
@@ -406,7 +412,9 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
         text_headers.add(layout.time.header)
     others = _variables_of_others(layout, names)
     directions_of = {
-        int(name[3:]): source.header for name, source in layout.numbers.items() if names.is_direction(name)
+        name: source.header
+        for name, source in layout.numbers.items()
+        if name.startswith("dir") and names.kind(name)
     }
     raw = read_columns(
         layout.file,
@@ -433,10 +441,9 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
         for header in layout.unused
         if not (names.of_one_effect(header) and header in taken)
     ]
-    if empty := sorted(k for k, header in directions_of.items() if header not in raw.numbers):
-        verb = "is" if len(empty) == 1 else "are"
+    if empty := sorted(int(name[3:]) for name in directions_of if name not in columns):
         notes.append(
-            f"{layout.file.name}: {span('dir', empty)} {verb} empty in all rows: taken as not recorded"
+            f"{layout.file.name}: {_unrecorded('dir', empty)} empty in all rows: taken as not recorded"
         )
     notes += [f"left out: {why}" for why in skipped.values()]
     if layout.time:
@@ -447,21 +454,22 @@ def _assemble(path: Path, layout: Layout, names: ColumnNames, skipped: dict[int,
     for name, header in layout.texts.items():
         texts = _named(name, header, raw, layout)
         if texts:
-            labels[name], codes = _codes(texts)
-            columns[name] = codes
-    rows, turns = raw.rows, None
+            number: dict[str, int] = {}
+            columns[name] = np.array(
+                [number.setdefault(text, len(number)) for text in texts], dtype=np.float64
+            )
+            labels[name] = list(number)
+    turns = None
     if layout.rotation and layout.rotation.form == "euler":
         turns = _rotation_values(layout.rotation, raw)
+    data = Dataset(path, layout.file, columns, raw.rows, labels, notes, layout.rotation, turns, dict(skipped))
     if layout.sort_by == "time":
         order = np.argsort(columns["time"], kind="stable")
         if not np.array_equal(order, np.arange(order.size)):
-            notes.append(f"{layout.file.name}: rows were not in order of time and are sorted by it")
-        columns = {name: values[order] for name, values in columns.items()}
-        rows = rows[order]
-        turns = None if turns is None else turns[order]
+            data = data.take(order).noting("rows were not in order of time and are sorted by it")
     if "dir" in layout.from_order:
-        columns |= directions(columns)
-    return Dataset(path, layout.file, columns, rows, labels, notes, layout.rotation, turns, dict(skipped))
+        data.columns.update(directions(data.columns))
+    return data
 
 
 def _why_apart(header: str, taken: bool, raw: RawColumns, names: ColumnNames, layout: Layout) -> str:
@@ -472,13 +480,12 @@ def _why_apart(header: str, taken: bool, raw: RawColumns, names: ColumnNames, la
         )
     why = "" if taken else _why_unused(header, raw, names)
     use = f"not used: {why}" if why else "a variable for custom effects and the search"
-    likely = [name for name in names.all() if name not in layout.names() and _is_near(header, name)]
+    absent = [name for name in names.all() if name not in layout.names()]
+    # Strict, as short names share half their letters with many words.
+    likely = [
+        name for name in absent if SequenceMatcher(None, header.lower(), name.lower()).ratio() >= _ALIKE
+    ]
     return f"is not one of the contract's and is {use}{did_you_mean(header, likely)}"
-
-
-def _is_near(header: str, name: str) -> bool:
-    """True if `header` may be a misspelt `name`; strict, as short names share half their letters with many words."""
-    return SequenceMatcher(None, header.lower(), name.lower()).ratio() >= _ALIKE
 
 
 def _why_unused(header: str, raw: RawColumns, names: ColumnNames) -> str:
@@ -531,21 +538,14 @@ def _named(name: str, header: str, raw: RawColumns, layout: Layout) -> list[str]
     )
 
 
-def _codes(texts: list[str]) -> tuple[list[str], Array]:
-    """Names in order of first appearance, and the number of each entry's name."""
-    number: dict[str, int] = {}
-    codes = np.array([number.setdefault(text, len(number)) for text in texts], dtype=np.float64)
-    return list(number), codes
-
-
 def _times(source: TimeSource, raw: RawColumns, layout: Layout, notes: list[str]) -> Array:
     """Seconds: since `origin` where it is given, else since the earliest row."""
     if source.header is None or source.pattern is None:
         return np.arange(raw.rows.size, dtype=np.float64) * source.seconds_per_row
-    stamps = []
-    for text, row in zip(raw.texts[source.header], raw.rows, strict=True):
-        place = f"{layout.file} row {row} column {source.header}"
-        stamps.append(_timestamp(text, source.pattern, place, int(row)))
+    stamps = [
+        _timestamp(text, source.pattern, f"{layout.file} row {row} column {source.header}", int(row))
+        for text, row in zip(raw.texts[source.header], raw.rows, strict=True)
+    ]
     if not stamps:
         return np.empty(0)
     if source.origin is not None:
@@ -591,35 +591,27 @@ def _check_values(data: Dataset) -> None:
     """Refuse values that a column cannot hold, whatever the arm; bring quaternions to unit length."""
     columns = data.columns
 
-    def refuse(name: str, bad: NDArray[np.bool_], expected: str) -> None:
+    def refuse(place: str, values: Array, bad: NDArray[np.bool_], expected: str) -> None:
         if bad.any():
             at = int(np.argmax(bad))
-            raise RowError(
-                int(data.rows[at]),
-                f"{data.file} row {data.rows[at]} column {name}: found {columns[name][at]:.6g}, expected {expected}",
-            )
+            row = int(data.rows[at])
+            message = f"{data.file} row {row} {place}{values[at]:.6g}, expected {expected}"
+            raise RowError(row, message)
 
     for name, values in columns.items():
+        found = f"column {name}: found "
         if name not in TEXT_COLUMNS:
-            refuse(
-                name, ~np.isfinite(values) | (np.abs(values) > 1e12), "a finite number of an ordinary size"
-            )
+            extreme = ~np.isfinite(values) | (np.abs(values) > 1e12)
+            refuse(found, values, extreme, "a finite number of an ordinary size")
         if name.startswith("dir"):
-            refuse(name, ~np.isin(values, (-1.0, 0.0, 1.0)), "-1, 0 or 1")
-    if "sigma" in columns:
-        refuse("sigma", columns["sigma"] <= 0.0, "a standard deviation above 0")
-    if "payload" in columns:
-        refuse("payload", columns["payload"] < 0.0, "kilograms, not negative")
+            refuse(found, values, ~np.isin(values, (-1.0, 0.0, 1.0)), "-1, 0 or 1")
+        if name == "sigma":
+            refuse(found, values, values <= 0.0, "a standard deviation above 0")
+        if name == "payload":
+            refuse(found, values, values < 0.0, "kilograms, not negative")
     if "qw" in columns:
         quaternions = np.column_stack([columns[name] for name in QUATERNION])
         lengths = np.linalg.norm(quaternions, axis=1)
         wrong = np.abs(lengths - 1.0) > _QUATERNION_LENGTH_TOLERANCE
-        if wrong.any():
-            at = int(np.argmax(wrong))
-            raise RowError(
-                int(data.rows[at]),
-                f"{data.file} row {data.rows[at]} columns qw, qx, qy, qz: found length {lengths[at]:.6g}, "
-                "expected a unit quaternion",
-            )
-        for name, values in zip(QUATERNION, (quaternions / lengths[:, None]).T, strict=True):
-            columns[name] = values
+        refuse("columns qw, qx, qy, qz: found length ", lengths, wrong, "a unit quaternion")
+        columns.update(zip(QUATERNION, (quaternions / lengths[:, None]).T, strict=True))

@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 import itertools
 from collections.abc import Container, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +48,7 @@ def read_header(path: Path, dialect: Dialect) -> list[str]:
 
     Errors: InputError when the file is missing, empty, or names a column twice.
     """
-    with _Rows(path, dialect) as rows:
+    with _opened(path, dialect) as rows:
         return rows.header
 
 
@@ -64,7 +66,7 @@ def read_columns(
     their cells are empty. Errors: RowError naming row and column of the first wrong cell, or a ragged row; InputError
     for a name not in the header.
     """
-    with _Rows(path, dialect, without) as rows:
+    with _opened(path, dialect, without) as rows:
         index = {name: rows.index(name) for name in [*numbers, *texts]}
         empty = {name for name in numbers if name in may_be_empty}
         # Left to right, so that the first wrong cell of a row is the one named.
@@ -101,36 +103,33 @@ def read_columns(
     )
 
 
+@contextmanager
+def _opened(path: Path, dialect: Dialect, without: Container[int] = ()) -> Iterator[_Rows]:
+    if path.is_dir():
+        raise InputError(f"{path}: found a folder, expected a file of measurements")
+    # utf-8-sig drops the byte order mark that spreadsheets write first.
+    encoding = "utf-8-sig" if dialect.encoding.lower() in ("utf-8", "utf8") else dialect.encoding
+    try:
+        with reading(path):
+            stream = path.open(newline="", encoding=encoding)
+    except LookupError:
+        raise InputError(
+            f"{path}: found encoding '{dialect.encoding}', expected one that Python knows"
+        ) from None
+    with stream:
+        yield _Rows(path, dialect, without, stream)
+
+
 class _Rows:
     """The open file: header first, then blocks of rows of equal length with their numbers."""
 
-    def __init__(self, path: Path, dialect: Dialect, without: Container[int] = ()) -> None:
+    def __init__(self, path: Path, dialect: Dialect, without: Container[int], stream: TextIO) -> None:
         self._path = path
         self._dialect = dialect
         self._without = without
-        if path.is_dir():
-            raise InputError(f"{path}: found a folder, expected a file of measurements")
-        # utf-8-sig drops the byte order mark that spreadsheets write first.
-        encoding = "utf-8-sig" if dialect.encoding.lower() in ("utf-8", "utf8") else dialect.encoding
-        try:
-            with reading(path):
-                self._stream = path.open(newline="", encoding=encoding)
-        except LookupError:
-            raise InputError(
-                f"{path}: found encoding '{dialect.encoding}', expected one that Python knows"
-            ) from None
+        self._stream = stream
         self._reader = csv.reader(self._lines(), delimiter=dialect.separator)
-        try:
-            self.header = self._read_header()
-        except BaseException:
-            self._stream.close()
-            raise
-
-    def __enter__(self) -> _Rows:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stream.close()
+        self.header = self._read_header()
 
     def index(self, name: str) -> int:
         if name not in self.header:

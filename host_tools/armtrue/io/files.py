@@ -117,9 +117,7 @@ def refuse_to_lose(reads: Iterable[Path | None], writes: Iterable[Path | str | N
     inputs = {_identity(path) for path in reads if path is not None and path.is_file()}
     outputs: set[str] = set()
     for name in writes:
-        if name is None or name == "-":
-            continue
-        if os.path.realpath(name) == os.devnull:
+        if name is None or name == "-" or os.path.realpath(name) == os.devnull:
             continue
         place = _identity(Path(name))
         if place in inputs:
@@ -170,16 +168,12 @@ def write_file(path: Path, content: str | bytes) -> None:
                 stream.write(data)
                 stream.flush()
                 os.fsync(stream.fileno())
-            Path(beside).chmod(0o666 & ~_umask())
+            mask = os.umask(0)
+            os.umask(mask)
+            Path(beside).chmod(0o666 & ~mask)
             Path(beside).replace(place)
         except BaseException:
             Path(beside).unlink()
             raise
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror})") from None
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

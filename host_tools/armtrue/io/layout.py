@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from armtrue.errors import ForeignError, InputError, did_you_mean
-from armtrue.io.columns import POSITION, QUATERNION, UNITS, ColumnNames
+from armtrue.io.columns import POSITION, QUATERNION, UNITS, ColumnNames, contract_name
 from armtrue.io.delimited import Dialect, read_header
 from armtrue.io.files import named_in
 from armtrue.io.model import EXPRESSION_WORDS, state_names
 from armtrue.io.robot import Robot
-from armtrue.io.sensor_names import contract_name
 from armtrue.io.yamlfile import Section, load_yaml
 
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "pipe": "|"}
@@ -78,7 +77,7 @@ class RotationSource:
 class RowFilter:
     """File rows to read: `first` to `last`, without `skip`, and only those with the texts `where` (header → text)."""
 
-    first: int = 0
+    first: int = 1
     last: int = 2**62
     skip: frozenset[int] = frozenset()
     where: dict[str, str] = field(default_factory=dict)
@@ -209,9 +208,7 @@ def yaml_layout(path: Path, robot: Robot) -> Layout:
 
 def _variables(top: Section, names: ColumnNames) -> dict[str, NumberSource]:
     """The key `variables`: the user's own names for expressions, and the headers of their columns."""
-    if not top.has("variables"):
-        return {}
-    section = top.section("variables")
+    section = top.optional("variables")
     taken = {*EXPRESSION_WORDS, *state_names(names.robot), *names.all()}
     for name in section:
         if not (name.isidentifier() and name.isascii()) or names.kind(name) is not None or name in taken:
@@ -223,18 +220,18 @@ def _variables(top: Section, names: ColumnNames) -> dict[str, NumberSource]:
 
 
 def _dialect(top: Section) -> Dialect:
-    separator = top.text(
-        "separator", default=",", expected="one character, or comma, semicolon, tab, space or pipe"
-    )
+    expected = "one character, or comma, semicolon, tab, space or pipe"
+    separator = top.text("separator", default=",", expected=expected)
     separator = SEPARATORS.get(separator, separator)
     if len(separator) != 1 or separator in '\r\n"':
-        raise top.fail("separator", "one character, or comma, semicolon, tab, space or pipe")
+        raise top.fail("separator", expected)
     decimal = top.choice("decimal", [".", ","], default=".")
     if decimal == separator:
         raise top.fail("decimal", "a mark other than the separator")
-    header_row = top.number("header_row", default=1.0, minimum=0.0, expected="a row number, or 0 for none")
+    row = "a row number, or 0 for none"
+    header_row = top.number("header_row", default=1.0, minimum=0.0, expected=row)
     if header_row != int(header_row) or header_row > 1e6:
-        raise top.fail("header_row", "a row number, or 0 for none")
+        raise top.fail("header_row", row)
     return Dialect(separator, decimal, top.text("encoding", default="utf-8"), int(header_row))
 
 
@@ -247,12 +244,12 @@ class _Columns:
         self.constants: dict[str, float] = {}
         for name in section:
             kind = names.kind(name)
+            if names.joint_beyond_arm(name):
+                raise InputError(
+                    f"{section.place(name)}: found a joint that the arm has not, expected joints "
+                    f"1 to {names.robot.joint_count}"
+                )
             if kind is None:
-                if names.joint_beyond_arm(name):
-                    raise InputError(
-                        f"{section.place(name)}: found a joint that the arm has not, expected joints "
-                        f"1 to {names.robot.joint_count}"
-                    )
                 hint = did_you_mean(name, names.all())
                 raise InputError(
                     f"{section.place(name)}: found '{name}', expected a column of the contract{hint}"
@@ -275,7 +272,6 @@ class _Columns:
             self.numbers[name] = NumberSource(
                 header, factor * scale, added * scale + entry.number("offset", default=0.0)
             )
-        entry.finish()
 
 
 def _unit(section: Section, kind: str) -> tuple[float, float]:
@@ -296,13 +292,10 @@ def _time(top: Section) -> TimeSource | None:
     if section.has("from"):
         section.choice("from", ["rows"])
         step = section.number("seconds_per_row", default=1.0, above=0.0, expected="a time in seconds above 0")
-        source = TimeSource(None, seconds_per_row=step)
-    else:
-        header = section.text("column", expected="the header of a column, or 'from: rows'")
-        pattern = section.text("format", expected="a strptime pattern such as %Y-%m-%d %H:%M:%S")
-        source = TimeSource(header, pattern, section.text("origin", default=None))
-    section.finish()
-    return source
+        return TimeSource(None, seconds_per_row=step)
+    header = section.text("column", expected="the header of a column, or 'from: rows'")
+    pattern = section.text("format", expected="a strptime pattern such as %Y-%m-%d %H:%M:%S")
+    return TimeSource(header, pattern, section.text("origin") if section.has("origin") else None)
 
 
 def _rotation(top: Section) -> RotationSource | None:
@@ -325,7 +318,6 @@ def _rotation(top: Section) -> RotationSource | None:
         options["intrinsic"] = section.choice("axes", ["intrinsic", "extrinsic"]) == "intrinsic"
     if form == "quaternion":
         options["scalar_first"] = section.choice("order", ["wxyz", "xyzw"]) == "wxyz"
-    section.finish()
     return RotationSource(headers, form, **options)
 
 
@@ -336,21 +328,15 @@ def _from_order(top: Section) -> frozenset[str]:
     found = frozenset(name for name in ("dir", "travel") if section.has(name))
     for name in found or ("dir",):
         section.choice(name, ["from_order"])
-    section.finish()
     return found
 
 
 def _row_filter(top: Section) -> RowFilter:
-    if not top.has("rows"):
-        return RowFilter()
-    section = top.section("rows")
+    section = top.optional("rows")
     row = "a row number of the file, the header's being 1"
-    first = section.number("from", default=0.0, minimum=1.0, expected=row)
+    first = section.number("from", default=1.0, minimum=1.0, expected=row)
     last = section.number("to", default=float(2**62), minimum=first, expected=row + ", not before 'from'")
     skip = section.numbers("skip", None, "a list of row numbers of the file", default=[])
-    where: dict[str, str] = {}
-    if section.has("where"):
-        conditions = section.section("where")
-        where = {header: conditions.text(header) for header in conditions}
-    section.finish()
+    conditions = section.optional("where")
+    where = {header: conditions.text(header) for header in conditions}
     return RowFilter(int(first), int(last), frozenset(map(int, skip)), where)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.errors import InputError, did_you_mean, shorten
-from armtrue.io.catalogue import EffectInfo, catalogue
+from armtrue.io.catalogue import catalogue
 from armtrue.io.columns import ColumnNames
 from armtrue.io.robot import LARGEST_LEAD_M, Robot
 from armtrue.io.yamlfile import Section, load_yaml
@@ -126,7 +126,9 @@ def _effect(section: Section, robot: Robot, columns: Collection[str]) -> dict[st
     info = known[effect_id]
     effect: dict[str, Any] = {"effect": effect_id}
     if section.has("joints"):
-        effect["joints"] = _joints(section, info, robot)
+        if info.joints == "none":
+            raise section.fail("joints", f"no joints, as {info.id} belongs to none")
+        effect["joints"] = section.joints("joints", robot.joint_count, 2 if info.joints == "pair" else None)
     if info.role == "custom":
         effect.update(_custom(section, robot, columns))
     for option, (kind, _) in info.options.items():
@@ -134,12 +136,6 @@ def _effect(section: Section, robot: Robot, columns: Collection[str]) -> dict[st
             effect[option] = _option(section, option, kind)
     section.finish()
     return effect
-
-
-def _joints(section: Section, info: EffectInfo, robot: Robot) -> list[int]:
-    if info.joints == "none":
-        raise section.fail("joints", f"no joints, as {info.id} belongs to none")
-    return section.joints("joints", robot.joint_count, count=2 if info.joints == "pair" else None)
 
 
 def _option(section: Section, option: str, kind: str) -> Any:
@@ -161,9 +157,10 @@ def _option(section: Section, option: str, kind: str) -> Any:
     if kind == "[string]":
         return section.texts(option, "a list of texts")
     if kind == "[int]":
-        values = section.numbers(option, None, "a list of whole numbers such as [1,2]")
+        expected = "a list of whole numbers such as [1,2]"
+        values = section.numbers(option, None, expected)
         if any(value != int(value) for value in values):
-            raise section.fail(option, "a list of whole numbers such as [1,2]")
+            raise section.fail(option, expected)
         return [int(value) for value in values]
     if kind == "{name: value}":
         named = section.section(option)
@@ -259,9 +256,7 @@ def _is_repeat(effect: dict[str, Any], other: dict[str, Any]) -> bool:
 
 
 def _parameters(top: Section) -> dict[str, dict[str, float]]:
-    if not top.has("parameters"):
-        return {}
-    section = top.section("parameters")
+    section = top.optional("parameters")
     result: dict[str, dict[str, float]] = {}
     for name in section:
         entry = section.section(name)
@@ -270,38 +265,28 @@ def _parameters(top: Section) -> dict[str, dict[str, float]]:
         else:
             sigma = entry.number("sigma", above=0.0, expected="a standard deviation above 0")
             result[name] = {"prior": entry.number("prior"), "sigma": sigma}
-        entry.finish()
     return result
 
 
 def _priors(top: Section) -> dict[str, float]:
-    if not top.has("priors"):
-        return dict(DEFAULT_PRIORS)
-    section = top.section("priors")
-    result = {
+    section = top.optional("priors")
+    return {
         name: section.number(name, default, above=0.0, expected="a standard deviation above 0")
         for name, default in DEFAULT_PRIORS.items()
     }
-    section.finish()
-    return result
 
 
 def _instrument(top: Section) -> dict[str, Any] | None:
     if not top.has("instrument"):
         return None
     section = top.section("instrument")
-    result: dict[str, Any] = {
-        "position": section.numbers("position", 3, "a list [x, y, z] in metres", default=[0.0, 0.0, 0.0])
-    }
+    laws = {}
     for part in ("radial", "angular"):
         law = section.section(part)
-        expected = "a standard deviation in metres, above 0"
-        result[part] = {
-            "a": law.number("a", above=0.0, expected=expected),
-            "b": law.number(
-                "b", default=0.0, minimum=0.0, expected="metres per metre of distance, not negative"
-            ),
+        expected = "metres per metre of distance, not negative"
+        laws[part] = {
+            "a": law.number("a", above=0.0, expected="a standard deviation in metres, above 0"),
+            "b": law.number("b", default=0.0, minimum=0.0, expected=expected),
         }
-        law.finish()
-    section.finish()
-    return result
+    position = section.numbers("position", 3, "a list [x, y, z] in metres", default=[0.0, 0.0, 0.0])
+    return {"position": position, **laws}

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.arrays import Array
-from armtrue.errors import InputError, RowError
+from armtrue.errors import InputError
 from armtrue.io.columns import POSITION
 from armtrue.io.robot import Robot
 from armtrue.units import plural
@@ -40,16 +40,6 @@ class WrongUnitError(InputError):
         self.of_geometry = column in POSITION or column.startswith("q")
 
 
-def refuse_lost(file: Path, rows: NDArray[np.int64]) -> None:
-    """Refuse the first of the file's `rows` whose x, y and z are 0. Errors: RowError."""
-    if rows.size:
-        raise RowError(
-            int(rows[0]),
-            f"{file} row {rows[0]} columns x, y, z: found 0, 0, 0, which instruments write that have lost their "
-            "reflector, expected a measured position",
-        )
-
-
 def joint_bounds(joint: dict[str, object]) -> tuple[float, float]:
     """Range outside which a joint's figure cannot be in radians (revolute) or metres (prismatic)."""
     limits = joint.get("limits")
@@ -70,42 +60,28 @@ def wrong_units(columns: dict[str, Array], robot: Robot) -> list[tuple[str, int,
 
     for k, joint in enumerate(robot.joints, start=1):
         lowest, highest = joint_bounds(joint)
-        unit = "radians" if joint["type"] == "revolute" else "metres"
-        likely = "degrees" if joint["type"] == "revolute" else "millimetres"
+        unit, likely = ("radians", "degrees") if joint["type"] == "revolute" else ("metres", "millimetres")
+        expected = f"{unit} between {lowest:.3g} and {highest:.3g} (these look like {likely})"
         for name in (f"q{k}", f"qr{k}"):
-            if name in columns:
-                values = columns[name]
-                look(
-                    name,
-                    (values < lowest) | (values > highest),
-                    f"{unit} between {lowest:.3g} and {highest:.3g} (these look like {likely})",
-                )
+            values = columns.get(name, np.zeros(0))
+            look(name, (values < lowest) | (values > highest), expected)
     if all(name in columns for name in POSITION):
         positions = np.column_stack([columns[name] for name in POSITION])
         # The median, so that a few gross errors have no influence.
         distance = float(np.median(np.linalg.norm(positions - np.median(positions, axis=0), axis=1)))
         largest = 2.0 * robot.reach_m + _UNKNOWN_TOOL_M
         if distance > largest:
-            likely = (
-                "millimetres"
-                if distance > _MILLIMETRES_PER_REACH * robot.reach_m
-                else "inches or centimetres"
-            )
+            in_millimetres = distance > _MILLIMETRES_PER_REACH * robot.reach_m
+            likely = "millimetres" if in_millimetres else "inches or centimetres"
             furthest = POSITION[int(np.argmax(np.abs(positions[0])))]
-            expected = (
-                f"metres within the arm's span of {largest:.3g} m of one another (these look like {likely})"
-            )
-            found.append((furthest, 0, expected))
+            span = f"metres within the arm's span of {largest:.3g} m of one another"
+            found.append((furthest, 0, f"{span} (these look like {likely})"))
     for name, values in columns.items():
         if name.startswith("temp_"):
             wrong = (values < _COLDEST_C) | (values > HOTTEST_C)
             look(name, wrong, _temperature_expected(values[wrong]))
-    if "sigma" in columns:
-        look(
-            "sigma",
-            columns["sigma"] > _LARGEST_SIGMA_M,
-            "a standard deviation in metres (these look like millimetres)",
-        )
+    expected = "a standard deviation in metres (these look like millimetres)"
+    look("sigma", columns.get("sigma", np.zeros(0)) > _LARGEST_SIGMA_M, expected)
     return found
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.errors import InputError, did_you_mean
+from armtrue.io.columns import contract_name, is_sensor
 from armtrue.io.files import named_in
-from armtrue.io.sensor_names import contract_name, is_sensor
-from armtrue.io.urdf import LARGEST_LIMIT_RAD, read_urdf_chain
+from armtrue.io.urdf import LARGEST_LIMIT_RAD, UrdfChain, read_urdf_chain
 from armtrue.io.yamlfile import Section, load_yaml
 from armtrue.units import plural
 
@@ -23,7 +23,6 @@ STANDARD_GRAVITY = [0.0, 0.0, -9.81]
 LARGEST_LEAD_M = 2.0  # a pinion of 0.6 m; larger values are in millimetres
 # Larger values are in millimetres [m].
 _LONGEST_TOOL_M, _LONGEST_RAIL_M, _FURTHEST_BASE_M = 10.0, 100.0, 1000.0
-_NO_MOTOR = "as the joint is passive: it has no motor"
 
 
 @dataclass(frozen=True)
@@ -163,12 +162,16 @@ def _specification(top: Section, path: Path) -> dict[str, Any]:
         com_form = "a list [x, y, z] in metres, in the last link's frame"
         spec["payload"] = {"com": payload.numbers("com", 3, com_form)}
         _refuse_millimetres(payload, "com", spec["payload"]["com"], com_form, _LONGEST_TOOL_M)
-        payload.finish()
     if top.has("temperature"):
         spec["temperature"] = _temperature(top.section("temperature"))
     passive = _passive(spec["kinematics"]["joints"])
     spec["coupling"] = _with_mimics(mimics, _coupling(top, joint_count, passive), passive, top)
-    _refuse_undriven(passive, spec["coupling"], top)
+    for joint in passive:
+        if not any(row["joint"] == joint for row in spec["coupling"]):
+            raise InputError(
+                f"{top.place('coupling')}: found no row for joint {joint}, which is passive, expected what turns it: "
+                f"{{joint: {joint}, driving: …, ratio: …}}"
+            )
     if top.has("linkage"):
         spec["linkage"] = _linkage(top.section("linkage"), joint_count)
     top.finish()
@@ -203,9 +206,7 @@ def _refuse_millimetres(
         raise section.fail(key, f"{form}, none beyond {furthest_m:g} (these look like millimetres)")
 
 
-def _kinematics(
-    section: Section, path: Path
-) -> tuple[dict[str, Any], list[dict[str, Any]], list[dict[str, Any]]]:
+def _kinematics(section: Section, path: Path) -> UrdfChain:
     """Kinematics; links and mimics (`{joint, driving, ratio}`) of a URDF."""
     if section.has("urdf"):
         for key in ("joints", "convention"):
@@ -228,17 +229,11 @@ def _kinematics(
     if convention == "chain":
         identity = {"xyz": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}
         kinematics["end"] = pose(section.section("end")) if section.has("end") else identity
-    section.finish()
-    _refuse_repeated_names([joint["name"] for joint in kinematics["joints"]], section)
+    names = [joint["name"] for joint in kinematics["joints"]]
+    for row, name in zip(rows, names, strict=True):
+        if names.index(name) < rows.index(row):
+            raise InputError(f"{row.place('name')}: found '{name}' a second time, expected a name of its own")
     return kinematics, [], []
-
-
-def _refuse_repeated_names(names: list[str], section: Section) -> None:
-    for number, name in enumerate(names, start=1):
-        if name in names[: number - 1]:
-            raise InputError(
-                f"{section.place('joints')}[{number}].name: found '{name}' a second time, expected a name of its own"
-            )
 
 
 def _dh_frame(row: Section) -> dict[str, Any]:
@@ -277,15 +272,14 @@ def _joint(row: Section, number: int, read_frame: Callable[[Section], dict[str, 
         raise row.fail(turned, "an angle in radians, not beyond 2π (this looks like degrees)")
     if row.flag("passive", default=False):
         joint["passive"] = True
+        for key in ("lead", "gear_ratio"):
+            if row.has(key):
+                raise row.fail(key, f"no {key}, as the joint is passive: it has no motor")
     if row.has("lead"):
-        if joint.get("passive"):
-            raise row.fail("lead", f"no lead, {_NO_MOTOR}")
         joint["lead"] = _lead(row, "lead", revolute)
         if row.has("gear_ratio"):
             raise row.fail("gear_ratio", "lead alone, where both are given")
     if row.has("gear_ratio"):
-        if joint.get("passive"):
-            raise row.fail("gear_ratio", f"no gear_ratio, {_NO_MOTOR}")
         ratio = (
             "a ratio other than 0, motor turns per joint turn"
             if revolute
@@ -296,7 +290,6 @@ def _joint(row: Section, number: int, read_frame: Callable[[Section], dict[str, 
             raise row.fail("gear_ratio", ratio)
     if row.has("limits"):
         joint["limits"] = _limits(row, revolute)
-    row.finish()
     return joint
 
 
@@ -306,11 +299,9 @@ def _lead(row: Section, key: str, revolute: bool) -> float:
         raise row.fail(key, "no lead of a joint that turns, but gear_ratio")
     lead = row.number(key, expected="a length in metres per turn of the screw or pinion")
     if not 0.0 < lead <= LARGEST_LEAD_M:
-        raise row.fail(
-            key,
-            f"metres per turn of the screw or pinion, above 0 and up to {LARGEST_LEAD_M:g}"
-            + (" (this looks like millimetres)" if lead > LARGEST_LEAD_M else ""),
-        )
+        hint = " (this looks like millimetres)" if lead > LARGEST_LEAD_M else ""
+        expected = f"metres per turn of the screw or pinion, above 0 and up to {LARGEST_LEAD_M:g}"
+        raise row.fail(key, expected + hint)
     return lead
 
 
@@ -327,9 +318,7 @@ def _limits(row: Section, revolute: bool) -> list[float]:
     return limits
 
 
-def _urdf_kinematics(
-    section: Section, path: Path
-) -> tuple[dict[str, Any], list[dict[str, Any]], list[dict[str, Any]]]:
+def _urdf_kinematics(section: Section, path: Path) -> UrdfChain:
     urdf_path = named_in(path, section.text("urdf", expected="the name of a URDF file"))
     base = section.text("base", expected="the name of the link at the base")
     tip = section.text("tip", expected="the name of the link at the tip")
@@ -352,7 +341,6 @@ def _urdf_kinematics(
                 raise leads.fail(name, "the name of a joint of the chain" + did_you_mean(name, named))
             named[name]["lead"] = _lead(leads, name, named[name]["type"] == "revolute")
             named[name].pop("gear_ratio", None)
-    section.finish()
     return kinematics, links, mimics
 
 
@@ -362,15 +350,14 @@ def _links(top: Section, joint_count: int) -> list[dict[str, Any]]:
         raise InputError(
             f"{top.place('links')}: found {plural(len(sections), 'link')}, expected {joint_count}, one a joint"
         )
-    links = []
-    for section in sections:
-        mass = section.number("mass", minimum=0.0, expected="a mass in kilograms, not negative")
-        com = section.numbers(
-            "com", 3, "a list [x, y, z] in metres, in the link's own frame", default=[0.0, 0.0, 0.0]
-        )
-        section.finish()
-        links.append({"mass": mass, "com": com})
-    return links
+    com = "a list [x, y, z] in metres, in the link's own frame"
+    return [
+        {
+            "mass": section.number("mass", minimum=0.0, expected="a mass in kilograms, not negative"),
+            "com": section.numbers("com", 3, com, default=[0.0, 0.0, 0.0]),
+        }
+        for section in sections
+    ]
 
 
 def _temperature(section: Section) -> dict[str, Any]:
@@ -386,7 +373,6 @@ def _temperature(section: Section) -> dict[str, Any]:
             raise InputError(
                 f"{section.place('sensors')}: found '{name}' a second time, expected names of their own"
             )
-    section.finish()
     return {"reference": reference, "sensors": sensors}
 
 
@@ -407,7 +393,6 @@ def _coupling(top: Section, joint_count: int, passive: list[int]) -> list[dict[s
             row["kind"] = "controller"
             if row["joint"] in passive:
                 raise section.fail("kind", f"'mechanical', as joint {row['joint']} is passive: bars turn it")
-        section.finish()
         if row["driving"] in passive:
             raise section.fail("driving", "a joint with a motor (this one is passive)")
         if row["joint"] == row["driving"]:
@@ -428,51 +413,38 @@ def _with_mimics(
     A URDF's multiplier relates two link angles; `coupling` relates a joint to motors, each of which may turn several
     links.
     """
-    result: list[dict[str, Any]] = []
+    stated = {(row["joint"], row["driving"]) for row in rows}
+    result: dict[tuple[int, int], dict[str, Any]] = {}
     for mimic in mimics:
         joint, driving = mimic["joint"], mimic["driving"]
+        if (joint, driving) in stated:
+            raise InputError(
+                f"{top.place('coupling')}: found joint {joint} driven by {driving}, "
+                "which the URDF says by 'mimic', expected it once"
+            )
         ratios = {} if driving in passive else {driving: 1.0}
         for row in rows:
-            if row["joint"] == joint and row["driving"] == driving:
-                raise InputError(
-                    f"{top.place('coupling')}: found joint {joint} driven by {driving}, "
-                    "which the URDF says by 'mimic', expected it once"
-                )
             if row["joint"] == driving and row.get("kind") != "controller":
                 ratios[row["driving"]] = ratios.get(row["driving"], 0.0) + row["ratio"]
-        result += [
-            {"joint": joint, "driving": motor, "ratio": mimic["ratio"] * ratio}
-            for motor, ratio in ratios.items()
-        ]
+        for motor, ratio in ratios.items():
+            result[joint, motor] = {"joint": joint, "driving": motor, "ratio": mimic["ratio"] * ratio}
     for row in rows:
-        same = [
-            other for other in result if (other["joint"], other["driving"]) == (row["joint"], row["driving"])
-        ]
-        if same:
-            same[0]["ratio"] += row["ratio"]
+        place = row["joint"], row["driving"]
+        if place in result:
+            result[place]["ratio"] += row["ratio"]
         else:
-            result.append(row)
-    return result
-
-
-def _refuse_undriven(passive: list[int], coupling: list[dict[str, Any]], top: Section) -> None:
-    """Raise InputError for a passive joint without a coupling."""
-    for joint in passive:
-        if not any(row["joint"] == joint for row in coupling):
-            raise InputError(
-                f"{top.place('coupling')}: found no row for joint {joint}, which is passive, expected what turns it: "
-                f"{{joint: {joint}, driving: …, ratio: …}}"
-            )
+            result[place] = row
+    return list(result.values())
 
 
 def _linkage(section: Section, joint_count: int) -> dict[str, Any]:
-    linkage: dict[str, Any] = {
+    return {
         "type": section.choice("type", ["parallelogram"]),
         "joints": section.joints("joints", joint_count, count=2),
         "angle": section.number("angle", expected="an angle in radians: β where link angle 3 is zero"),
+        **{
+            bar: section.number(bar, above=0.0, expected="a length in metres above 0")
+            for bar in ("crank", "rod")
+            if section.has(bar)
+        },
     }
-    for bar in ("crank", "rod"):
-        if section.has(bar):
-            linkage[bar] = section.number(bar, above=0.0, expected="a length in metres above 0")
-    section.finish()
-    return linkage

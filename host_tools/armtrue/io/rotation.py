@@ -45,13 +45,10 @@ def rpy_from_matrix(matrix: Array) -> list[float]:
     """Roll, pitch, yaw (fixed axes x, y, z) of one rotation matrix; at pitch ±90° the roll is taken as 0."""
     cosine = float(np.hypot(matrix[0, 0], matrix[1, 0]))
     pitch = float(np.arctan2(-matrix[2, 0], cosine))
-    if cosine > 1e-9:
-        roll = float(np.arctan2(matrix[2, 1], matrix[2, 2]))
-        yaw = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
-    else:
-        roll = 0.0
-        yaw = float(np.arctan2(-matrix[0, 1], matrix[1, 1]))
-    return [roll, pitch, yaw]
+    if cosine <= 1e-9:
+        return [0.0, pitch, float(np.arctan2(-matrix[0, 1], matrix[1, 1]))]
+    roll = float(np.arctan2(matrix[2, 1], matrix[2, 2]))
+    return [roll, pitch, float(np.arctan2(matrix[1, 0], matrix[0, 0]))]
 
 
 def matrix_from_rotation_vector(vector_rad: ArrayLike) -> Array:

@@ -23,12 +23,11 @@ from armtrue.io.rotation import matrix_from_rotation_vector, matrix_from_rpy, rp
 
 # Six turns either way: larger limits of a revolute joint are not in radians.
 LARGEST_LIMIT_RAD = 12 * math.pi
+UrdfChain = tuple[dict[str, Any], list[dict[str, Any]], list[dict[str, Any]]]
 _JOINT_TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 
 
-def read_urdf_chain(
-    path: Path, base: str, tip: str
-) -> tuple[dict[str, Any], list[dict[str, Any]], list[dict[str, Any]]]:
+def read_urdf_chain(path: Path, base: str, tip: str) -> UrdfChain:
     """Return `(kinematics, links, mimics)` of the chain from link `base` to link `tip`.
 
     `kinematics` has convention "chain"; `links` one `{mass, com}` a joint in its frame, empty if the URDF gives no
@@ -41,30 +40,23 @@ def read_urdf_chain(
     """
     tree = _Tree(path)
     joints: list[dict[str, Any]] = []
-    names: list[str] = []
     bodies: list[tuple[float, Array]] = []
     # Pose of the current link in the frame of the last moving joint.
     frame_from_link = np.eye(4)
-    last_link = base
     for joint in tree.path(base, tip):
         frame_from_joint = frame_from_link @ _matrix(joint.origin)
-        last_link = joint.child
         if joint.type == "fixed":
             frame_from_link = frame_from_joint
             continue
         axis_from_z = _turn_z_onto(tree.axis(joint))
         before = frame_from_joint @ axis_from_z
         joints.append(tree.row(joint, before))
-        names.append(joint.name)
         frame_from_link = axis_from_z.T
         bodies.append(tree.mass_moment(joint.child, frame_from_link, stop=tree.chain_joints))
     if not joints:
-        raise InputError(
-            f"{path}: found no moving joint between '{base}' and '{last_link}', expected at least one"
-        )
-    mimics = [
-        tree.mimic(name, names, row) for name, row in zip(names, joints, strict=True) if row.get("passive")
-    ]
+        raise InputError(f"{path}: found no moving joint between '{base}' and '{tip}', expected at least one")
+    names = [row["name"] for row in joints]
+    mimics = [tree.mimic(row["name"], names, row) for row in joints if row.get("passive")]
     kinematics = {"convention": "chain", "joints": joints, "end": _pose(frame_from_link)}
     if not any(mass > 0.0 for mass, _ in bodies):
         return kinematics, [], mimics
@@ -214,15 +206,11 @@ class _Tree:
                 f"{self.path_of_file}: joint '{joint.name}': found type '{joint.type}', "
                 "expected revolute, continuous, prismatic or fixed"
             )
-        row: dict[str, Any] = {
-            "name": joint.name,
-            "type": _JOINT_TYPES[joint.type],
-            **_pose(before),
-            "offset": 0.0,
-        }
+        kind = _JOINT_TYPES[joint.type]
+        row: dict[str, Any] = {"name": joint.name, "type": kind, **_pose(before), "offset": 0.0}
         if joint.type != "continuous" and joint.limit is not None:
             limits = [float(joint.limit.lower or 0.0), float(joint.limit.upper or 0.0)]
-            if row["type"] == "revolute" and max(map(abs, limits)) > LARGEST_LIMIT_RAD:
+            if kind == "revolute" and max(map(abs, limits)) > LARGEST_LIMIT_RAD:
                 raise InputError(
                     f"{self.path_of_file}: joint '{joint.name}' limit: found lower {limits[0]:g}, upper {limits[1]:g}, "
                     "expected radians (these look like degrees)"

@@ -64,18 +64,15 @@ def agreements(columns: dict[str, Array]) -> dict[int, dict[str, float]]:
         if moved.size < _FEWEST_MOTIONS:
             continue
         way = np.sign(step[moved - 1])
-        result[int(name[1:])] = {
-            "as it stands": float(np.mean(side[moved] == way)),
-            "one row late": float(np.mean(side[moved + 1] == way)),
-            "one row early": float(np.mean(side[moved - 1] == way)),
-            "reversed": float(np.mean(-side[moved] == way)),
+        read = {
+            "as it stands": side[moved],
+            "one row late": side[moved + 1],
+            "one row early": side[moved - 1],
+            "reversed": -side[moved],
         }
         if side.min() == 0.0:
-            two_sided = 2.0 * side[moved] - 1.0
-            result[int(name[1:])] |= {
-                "0 for −1": float(np.mean(two_sided == way)),
-                "1 for −1, 0 for 1": float(np.mean(-two_sided == way)),
-            }
+            read |= {"0 for −1": 2.0 * side[moved] - 1.0, "1 for −1, 0 for 1": 1.0 - 2.0 * side[moved]}
+        result[int(name[1:])] = {how: float(np.mean(values == way)) for how, values in read.items()}
     return result
 
 

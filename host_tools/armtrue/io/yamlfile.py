@@ -15,8 +15,8 @@ from armtrue.io.files import read_text
 
 LARGEST_YAML_BYTES = 4 * 1024 * 1024
 
-_MISSING: Any = object()
 _MOST_NODES = 1_000_000
+_REQUIRED: Any = object()
 
 
 class _Loader(yaml.SafeLoader):
@@ -74,18 +74,6 @@ _Loader.add_constructor("tag:yaml.org,2002:float", _construct_float)
 _Loader.add_constructor("tag:yaml.org,2002:int", _construct_int)
 
 
-def _construct(text: str) -> Any:
-    loader = _Loader(text)
-    try:
-        node = loader.get_single_node()
-        if node is None:
-            return None
-        _refuse_bombs(node)
-        return loader.construct_document(node)  # type: ignore[no-untyped-call]
-    finally:
-        loader.dispose()  # type: ignore[no-untyped-call]
-
-
 def _refuse_bombs(top: yaml.Node) -> None:
     """Refuse a document whose aliases expand to more entries than a person could write."""
     sizes: dict[int, int] = {}
@@ -114,7 +102,14 @@ def load_yaml(path: Path) -> Section:
     """
     text = read_text(path, largest_bytes=LARGEST_YAML_BYTES)
     try:
-        value = _construct(text)
+        loader = _Loader(text)
+        try:
+            node = loader.get_single_node()
+            if node is not None:
+                _refuse_bombs(node)
+            value = None if node is None else loader.construct_document(node)  # type: ignore[no-untyped-call]
+        finally:
+            loader.dispose()  # type: ignore[no-untyped-call]
     except yaml.MarkedYAMLError as error:
         # The parser begins some of its sentences with "found".
         problem = (error.problem or "no YAML").removeprefix("found ")
@@ -146,6 +141,7 @@ class Section:
             raise InputError(f"{place}: found {found}, expected keys with values")
         self._mapping: dict[str, Any] = value
         self._known: set[str] = set()
+        self._sections: dict[str, Section] = {}
 
     def place(self, key: str = "") -> str:
         """Return `file: key path` for a message."""
@@ -161,40 +157,38 @@ class Section:
 
     def has(self, key: str) -> bool:
         """True if `key` has a value other than null; marks `key` as known."""
-        self._known.add(key)
-        return self._mapping.get(key) is not None
+        return self.raw(key) is not None
 
     def __iter__(self) -> Iterator[str]:
         """The keys, in file order."""
         return iter(self._mapping)
 
-    def raw(self, key: str) -> Any:
-        """The unchecked value of `key` (None where absent)."""
+    def raw(self, key: str, default: Any = None) -> Any:
+        """The unchecked value of `key`, `default` where it is absent; marks `key` as known."""
         self._known.add(key)
-        return self._mapping.get(key)
+        value = self._mapping.get(key)
+        return default if value is None else value
 
     def number(
         self,
         key: str,
-        default: Any = _MISSING,
+        default: Any = _REQUIRED,
         *,
         minimum: float = -math.inf,
         above: float = -math.inf,
         expected: str = "a number",
     ) -> float:
-        """A finite number, at least `minimum` and greater than `above`."""
-        value = self.raw(key)
-        if value is None and default is not _MISSING:
+        """A finite number, at least `minimum` and greater than `above`; with the default None also null."""
+        value = self.raw(key, default)
+        if value is None:
             return default  # type: ignore[no-any-return]
         if not _is_number(value) or not minimum <= value or not above < value:
             raise self.fail(key, expected)
         return float(value)
 
-    def text(self, key: str, default: Any = _MISSING, expected: str = "text") -> str:
+    def text(self, key: str, default: str | None = None, expected: str = "text") -> str:
         """Text that is not empty; a number is taken as its text, as names like `7` need no quotes."""
-        value = self.raw(key)
-        if value is None and default is not _MISSING:
-            return default  # type: ignore[no-any-return]
+        value = self.raw(key, default)
         if isinstance(value, int | float) and not isinstance(value, bool):
             return str(value)
         if not isinstance(value, str) or not value:
@@ -203,54 +197,49 @@ class Section:
 
     def flag(self, key: str, default: bool) -> bool:
         """`true` or `false`."""
-        value = self.raw(key)
-        if value is None:
-            return default
+        value = self.raw(key, default)
         if not isinstance(value, bool):
             raise self.fail(key, "true or false")
         return value
 
-    def choice(self, key: str, options: Sequence[str], default: Any = _MISSING) -> str:
+    def choice(self, key: str, options: Sequence[str], default: str | None = None) -> str:
         """One of `options`."""
-        value = self.raw(key)
-        if value is None and default is not _MISSING:
-            return default  # type: ignore[no-any-return]
+        value = self.raw(key, default)
         if value not in options:
             hint = did_you_mean(value, options) if isinstance(value, str) else ""
             raise self.fail(key, " or ".join(options) + hint)
         return str(value)
 
-    def numbers(self, key: str, count: int | None, expected: str, default: Any = _MISSING) -> list[float]:
+    def numbers(
+        self, key: str, count: int | None, expected: str, default: list[float] | None = None
+    ) -> list[float]:
         """A list of finite numbers, `count` of them where it is given."""
-        value = self.raw(key)
-        if value is None and default is not _MISSING:
-            return default  # type: ignore[no-any-return]
+        value = self.raw(key, default)
         if not isinstance(value, list) or count not in (None, len(value)) or not all(map(_is_number, value)):
             raise self.fail(key, expected)
         return [float(entry) for entry in value]
 
     def texts(self, key: str, expected: str) -> list[str]:
         """A list of texts, none empty."""
-        value = self.raw(key)
-        if not isinstance(value, list) or not all(isinstance(entry, str) and entry for entry in value):
+        value = self.entries(key, expected)
+        if not all(isinstance(entry, str) and entry for entry in value):
             raise self.fail(key, expected)
         return list(value)
 
     def joint(self, key: str, joint_count: int) -> int:
         """A joint number, 1 to `joint_count`."""
         value = self.raw(key)
-        if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= joint_count:
+        if type(value) is not int or not 1 <= value <= joint_count:
             raise self.fail(key, f"a joint number from 1 to {joint_count}")
         return value
 
     def joints(self, key: str, joint_count: int, count: int | None = None) -> list[int]:
         """A list of different joint numbers, 1 to `joint_count`."""
-        value = self.raw(key)
         how_many = "" if count is None else f"{count} "
         expected = f"a list of {how_many}different joint numbers from 1 to {joint_count}"
-        if not isinstance(value, list) or not value or (count is not None and len(value) != count):
-            raise self.fail(key, expected)
-        if not all(type(k) is int and 1 <= k <= joint_count for k in value) or len(set(value)) != len(value):
+        value = self.entries(key, expected)
+        are_joints = all(type(k) is int and 1 <= k <= joint_count for k in value)
+        if not value or count not in (None, len(value)) or not are_joints or len(set(value)) != len(value):
             raise self.fail(key, expected)
         return list(value)
 
@@ -258,7 +247,11 @@ class Section:
         """The mapping under `key`."""
         if not self.has(key):
             raise self.fail(key, "keys with values")
-        return Section(self.raw(key), self.file, ".".join(part for part in (self.where, key) if part))
+        return self._below(key, self.raw(key))
+
+    def optional(self, key: str) -> Section:
+        """The mapping under `key`, an empty one where it is absent."""
+        return self.section(key) if self.has(key) else Section({}, self.file)
 
     def entries(self, key: str, expected: str) -> list[Any]:
         """The list under `key`, its entries unchecked."""
@@ -269,17 +262,23 @@ class Section:
 
     def sections(self, key: str, expected: str) -> list[Section]:
         """The list of mappings under `key`."""
-        return [
-            Section(entry, self.file, f"{self.where + '.' if self.where else ''}{key}[{number}]")
-            for number, entry in enumerate(self.entries(key, expected), start=1)
-        ]
+        entries = self.entries(key, expected)
+        return [self._below(f"{key}[{number}]", entry) for number, entry in enumerate(entries, start=1)]
+
+    def _below(self, key: str, value: Any) -> Section:
+        if key not in self._sections:
+            where = f"{self.where}.{key}" if self.where else key
+            self._sections[key] = Section(value, self.file, where)
+        return self._sections[key]
 
     def finish(self) -> None:
-        """Refuse keys that were not read."""
+        """Refuse keys that were not read, here and in the sections below that were."""
         for key in self._mapping:
             if key not in self._known:
                 hint = did_you_mean(key, self._known) or f" (known here: {', '.join(sorted(self._known))})"
                 raise InputError(f"{self.place(key)}: found a key that does not belong here{hint}")
+        for section in self._sections.values():
+            section.finish()
 
 
 def _is_number(value: Any) -> bool:

@@ -11,13 +11,14 @@ import dataclasses
 import math
 import struct
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.arrays import Array
 from armtrue.tables import layout
-from armtrue.tables.fixedpoint import INT32_MAX, fraction_for, mantissa_and_shift, to_fixed, wrapped_angle
+from armtrue.tables.fixedpoint import fraction_for, mantissa_and_shift, to_fixed, wrapped_angle
 from armtrue.tables.layout import Node, Section, State
 
 # Beyond this a reciprocal saturates: its argument came within 1/64 of zero.
@@ -27,6 +28,8 @@ LARGEST_RECIPROCAL = 64.0
 STEEP = 5e-4
 # Bits by which a SCALE node can shift a slot up: its mantissa has 31 bits and a sign.
 _MOST_GAIN = 30
+# Orders of a wave that a link angle's sine and cosine give.
+_SLOW_ORDERS = (2**layout.ORDER_FRACTION, 2 * 2**layout.ORDER_FRACTION)
 # Sums on a coordinate saturate here [rad, m].
 LARGEST_TERM = 0.5
 # Amplitudes have 32 fraction bits and a sign.
@@ -54,7 +57,7 @@ class Value:
         return max(abs(self.low), abs(self.high))
 
 
-@dataclass
+@dataclass(frozen=True)
 class NodeSpec:
     """A node record whose inputs are `Value`s; slot numbers are assigned when records are written."""
 
@@ -66,17 +69,6 @@ class NodeSpec:
     count: int = 0
     p: int = 0
     r: int = 0
-    is_constant: bool = False
-
-
-@dataclass
-class StateSpec:
-    """A state variable record."""
-
-    kind: State
-    index: int
-    mass_set: int
-    fraction: int
 
 
 @dataclass
@@ -115,67 +107,44 @@ class Harmonics:
             )
         self.waves[key] = wave
 
-    def _slow_joint(self, source: int, order: int) -> int | None:
+    def _slow_joint(self, coordinate: int, source: int, order: int, wave: complex) -> int | None:
         """The joint whose link angle's sine and cosine give this wave; None where it needs a sine of its own."""
-        multiple = order / 2**layout.ORDER_FRACTION
-        if multiple not in (1.0, 2.0):
+        is_steep = self._is_steep(coordinate, source, order, wave)
+        if order not in _SLOW_ORDERS or is_steep or abs(wave) >= layout.MAX_SLOW_WAVE:
             return None
         if source >= layout.LINK_ANGLE:
             return source - layout.LINK_ANGLE
         return source if source in self.link_offsets else None
 
-    def _is_slow(self, key: tuple[int, int, int], wave: complex) -> bool:
-        return (
-            self._slow_joint(key[1], key[2]) is not None
-            and not self._is_steep(*key, wave)
-            and abs(wave) < layout.MAX_SLOW_WAVE
-        )
-
-    def ordered(self) -> list[tuple[int, int, int, complex]]:
-        """Coordinate, source, order (fixed point) and wave of those that need a sine of their own, steep ones first."""
-        waves = [(*key, wave) for key, wave in sorted(self.waves.items()) if not self._is_slow(key, wave)]
-        return sorted(waves, key=lambda entry: not self._is_steep(*entry))
-
-    def records(self) -> list[bytes]:
-        """Records of `ordered`."""
+    def records(self) -> tuple[list[bytes], int]:
+        """Records of the waves that need a sine of their own, steep ones first; and how many are steep."""
+        waves = [(*key, wave) for key, wave in sorted(self.waves.items())]
+        fast = [entry for entry in waves if self._slow_joint(*entry) is None]
         result = []
-        for coordinate, source, order, wave in self.ordered():
-            turns = cmath.phase(wave) / (2.0 * math.pi)
+        for coordinate, source, order, wave in sorted(fast, key=lambda entry: not self._is_steep(*entry)):
+            phase = round(cmath.phase(wave) / (2.0 * math.pi) * 2.0**32) % 2**32
             amplitude = to_fixed(abs(wave), layout.TERM_SHIFT)
-            result.append(
-                layout.HARMONIC.pack(coordinate, 0, source, order, round(turns * 2.0**32) % 2**32, amplitude)
-            )
-        return result
-
-    def steep_count(self) -> int:
-        """Number of steep waves in `ordered`."""
-        return sum(self._is_steep(*entry) for entry in self.ordered())
+            result.append(layout.HARMONIC.pack(coordinate, 0, source, order, phase, amplitude))
+        return result, sum(self._is_steep(*entry) for entry in fast)
 
     def slow_records(self) -> list[bytes]:
         """Waves of one and two cycles per turn of a link angle, one record per coordinate and joint."""
         sums: dict[tuple[int, int], list[float]] = {}
-        for key, wave in sorted(self.waves.items()):
-            joint = self._slow_joint(key[1], key[2])
-            if joint is None or not self._is_slow(key, wave):
+        for (coordinate, source, order), wave in sorted(self.waves.items()):
+            joint = self._slow_joint(coordinate, source, order, wave)
+            if joint is None:
                 continue
-            multiple = key[2] // 2**layout.ORDER_FRACTION
-            if key[1] < layout.LINK_ANGLE:
+            multiple = order // 2**layout.ORDER_FRACTION
+            if source < layout.LINK_ANGLE:
                 # q = θ - offset.
                 wave = wave * cmath.exp(-1j * multiple * self.link_offsets[joint])
-            parts = sums.setdefault((key[0], joint), [0.0] * 4)
+            parts = sums.setdefault((coordinate, joint), [0.0] * 4)
             parts[2 * multiple - 2] += wave.real
             parts[2 * multiple - 1] += wave.imag
         return [
-            layout.SLOW_WAVE.pack(
-                coordinate, joint, 0, *(to_fixed(part, layout.TERM_SHIFT) for part in parts)
-            )
-            for (coordinate, joint), parts in sums.items()
+            layout.SLOW_WAVE.pack(*place, 0, *(to_fixed(part, layout.TERM_SHIFT) for part in parts))
+            for place, parts in sums.items()
         ]
-
-
-def _term_fraction(value: Value) -> int:
-    """Fraction bits of the coefficient that a term multiplies `value` with."""
-    return layout.COORDINATE_FRACTION + layout.TERM_SHIFT - value.fraction
 
 
 def _unused_bits(value: Value) -> int:
@@ -189,45 +158,47 @@ def _unused_bits(value: Value) -> int:
 class Builder:
     """Collects records; joints are named by 0-based numbers."""
 
-    states: list[StateSpec] = field(default_factory=list)
+    harmonics: Harmonics = field(default_factory=Harmonics)
+    # kind, index, mass set → slot
+    states: dict[tuple[State, int, int], Value] = field(default_factory=dict)
     nodes: list[NodeSpec] = field(default_factory=list)
-    # coordinate, slot, coefficient, steep
-    terms: list[tuple[int, Value, float, bool]] = field(default_factory=list)
+    constant_nodes: set[int] = field(default_factory=set)  # numbers of those constant during a control cycle
+    # coordinate, slot, mantissa, steep
+    terms: list[tuple[int, Value, int, bool]] = field(default_factory=list)
     data: bytearray = field(default_factory=bytearray)
     axis_slots: list[tuple[int, Value]] = field(default_factory=list)  # offsets in data where slot numbers go
-    harmonics: Harmonics = field(default_factory=Harmonics)
-    _state_values: dict[tuple[int, ...], Value] = field(default_factory=dict)
-    _node_values: dict[tuple[object, ...], Value] = field(default_factory=dict)
+    _node_values: dict[NodeSpec, Value] = field(default_factory=dict)
+    _axes: dict[int, list[Value]] = field(default_factory=dict)  # of the grid of a node's number
 
     def state(
         self, kind: State, index: int, low: float, high: float, mass_set: int = 0, fraction: int | None = None
     ) -> Value:
         """The slot of a state variable."""
-        key = (kind, index, mass_set)
-        if key not in self._state_values:
-            bits = layout.STATE_FRACTION[kind] if fraction is None else fraction
-            self.states.append(StateSpec(kind, index, mass_set, bits))
-            self._state_values[key] = Value(
-                Section.STATE, len(self.states) - 1, bits, low, high, layout.state_class(kind) == 0
-            )
-        return self._state_values[key]
+        bits = layout.STATE_FRACTION[kind] if fraction is None else fraction
+        is_constant = layout.state_class(kind) == 0
+        value = Value(Section.STATE, len(self.states), bits, low, high, is_constant)
+        return self.states.setdefault((kind, index, mass_set), value)
 
     def one(self) -> Value:
         """The constant 1."""
         return self.state(State.ONE, 0, 1.0, 1.0)
 
-    def node(self, spec: NodeSpec, fraction: int, low: float, high: float) -> Value:
-        """Append `spec`, or find the equal node that is there already."""
-        key = (spec.kind, spec.a, spec.b, spec.shift, spec.shift2, spec.count, spec.p, spec.r)
-        if key not in self._node_values:
+    def _node(self, kind: Node, fraction: int, low: float, high: float, **fields: Any) -> Value:
+        """The slot of a new node with these `fields` of its record, or of the equal node that is there already."""
+        spec = NodeSpec(kind, **fields)
+        if spec not in self._node_values:
             inputs = [value for value in (spec.a, spec.b) if isinstance(value, Value)]
             by_joint = spec.kind in (Node.HARMONIC, Node.ANGLE)
-            spec.is_constant = not by_joint and all(value.is_constant for value in inputs)
-            self.nodes.append(spec)
-            self._node_values[key] = Value(
-                Section.NODES, len(self.nodes) - 1, fraction, low, high, spec.is_constant
-            )
-        return self._node_values[key]
+            is_constant = not by_joint and all(value.is_constant for value in inputs)
+            self._node_values[spec] = self._appended(spec, fraction, low, high, is_constant)
+        return self._node_values[spec]
+
+    def _appended(self, spec: NodeSpec, fraction: int, low: float, high: float, is_constant: bool) -> Value:
+        value = Value(Section.NODES, len(self.nodes), fraction, low, high, is_constant)
+        self.nodes.append(spec)
+        if is_constant:
+            self.constant_nodes.add(value.index)
+        return value
 
     def affine(self, value: Value, factor: float, offset: float = 0.0) -> Value:
         """factor · value + offset."""
@@ -238,12 +209,8 @@ class Builder:
         # 62 bits of shift and 30 of mantissa limit how much finer than its input the result can be.
         fraction = fraction_for(largest, most=value.fraction + 40)
         mantissa, shift = mantissa_and_shift(factor * 2.0 ** (fraction - value.fraction), least_shift=0)
-        return self.node(
-            NodeSpec(Node.SCALE, a=value, shift=shift, p=mantissa, r=to_fixed(offset, fraction)),
-            fraction,
-            low,
-            high,
-        )
+        rest = to_fixed(offset, fraction)
+        return self._node(Node.SCALE, fraction, low, high, a=value, shift=shift, p=mantissa, r=rest)
 
     def constant(self, number: float) -> Value:
         """A literal as a slot."""
@@ -260,7 +227,7 @@ class Builder:
         shift, shift2 = a.fraction - fraction, b.fraction - fraction
         if max(shift, shift2) > 31:
             raise CannotCompileError("a sum whose parts differ by more than 2^31 in size")
-        return self.node(NodeSpec(Node.SUM, a=a, b=b, shift=shift, shift2=shift2), fraction, low, high)
+        return self._node(Node.SUM, fraction, low, high, a=a, b=b, shift=shift, shift2=shift2)
 
     def multiply(self, a: Value, b: Value) -> Value:
         """a · b."""
@@ -269,7 +236,7 @@ class Builder:
         if a == b:
             low = max(low, 0.0)
         a, b = self._filled(a), self._filled(b)
-        return self.node(NodeSpec(Node.PRODUCT, a=a, b=b), a.fraction + b.fraction - 32, low, high)
+        return self._node(Node.PRODUCT, a.fraction + b.fraction - 32, low, high, a=a, b=b)
 
     def _filled(self, value: Value) -> Value:
         """`value` shifted up to use its upper bits, because only the upper half of a product is kept."""
@@ -286,57 +253,40 @@ class Builder:
         fraction = min(fraction_for(max(abs(low), abs(high))), 62 - value.fraction)
         if fraction + value.fraction < 0:
             raise CannotCompileError("a quotient by a number beyond 2^30")
-        return self.node(
-            NodeSpec(Node.RECIPROCAL, a=value, shift=fraction + value.fraction), fraction, low, high
-        )
+        return self._node(Node.RECIPROCAL, fraction, low, high, a=value, shift=fraction + value.fraction)
 
     def pick(self, kind: Node, a: Value, b: Value) -> Value:
         """min(a, b) or max(a, b)."""
         choose = min if kind is Node.MINIMUM else max
         low, high = choose(a.low, b.low), choose(a.high, b.high)
         fraction = min(a.fraction, b.fraction)
-        return self.node(
-            NodeSpec(kind, a=self.with_fraction(a, fraction), b=self.with_fraction(b, fraction)),
-            fraction,
-            low,
-            high,
-        )
+        a, b = self.with_fraction(a, fraction), self.with_fraction(b, fraction)
+        return self._node(kind, fraction, low, high, a=a, b=b)
 
     def with_fraction(self, value: Value, fraction: int) -> Value:
         """`value` with another number of fraction bits, rounded if they are fewer."""
         if value.fraction == fraction:
             return value
         mantissa, shift = mantissa_and_shift(2.0 ** (fraction - value.fraction), least_shift=0)
-        return self.node(
-            NodeSpec(Node.SCALE, a=value, shift=shift, p=mantissa), fraction, value.low, value.high
-        )
+        return self._node(Node.SCALE, fraction, value.low, value.high, a=value, shift=shift, p=mantissa)
 
     def unary(self, kind: Node, value: Value) -> Value:
         """abs(value) or sign(value)."""
         if kind is Node.SIGN:
-            return self.node(NodeSpec(kind, a=value), 30, -1.0, 1.0)
-        return self.node(NodeSpec(kind, a=value), value.fraction, 0.0, value.largest)
+            return self._node(kind, 30, -1.0, 1.0, a=value)
+        return self._node(kind, value.fraction, 0.0, value.largest, a=value)
 
     def harmonic(self, source: int, order: float, phase_turns: float) -> Value:
         """sin(order · joint + phase); `source`: 0-based joint, plus LINK_ANGLE for a link angle."""
-        return self.node(
-            NodeSpec(
-                Node.HARMONIC,
-                a=source,
-                p=to_fixed(order, layout.ORDER_FRACTION),
-                r=wrapped_angle(phase_turns),
-            ),
-            30,
-            -1.0,
-            1.0,
-        )
+        fixed, phase = to_fixed(order, layout.ORDER_FRACTION), wrapped_angle(phase_turns)
+        return self._node(Node.HARMONIC, 30, -1.0, 1.0, a=source, p=fixed, r=phase)
 
     def angle_sum(self, parts: list[tuple[int, float]]) -> Value:
         """Σ order · joint as an angle slot, from (source, order) pairs."""
         value: Value | int = layout.NONE
         for source, order in parts:
-            value = self.node(
-                NodeSpec(Node.ANGLE, a=source, b=value, p=to_fixed(order, layout.ORDER_FRACTION)), 0, 0, 0
+            value = self._node(
+                Node.ANGLE, 0, 0, 0, a=source, b=value, p=to_fixed(order, layout.ORDER_FRACTION)
             )
         assert isinstance(value, Value)
         return value
@@ -348,34 +298,29 @@ class Builder:
         """
         turns = np.array([low, high]) / (2.0 * math.pi)
         part = 2.0 ** -math.ceil(math.log2(4.0 * np.abs(turns).max()))
-        node = self.node(
-            NodeSpec(Node.ANGLE, a=source, b=layout.NONE, p=to_fixed(part, layout.ORDER_FRACTION)), 0, 0, 0
+        within = dataclasses.replace(
+            self.angle_sum([(source, part)]), fraction=32, low=part * turns[0], high=part * turns[1]
         )
-        within = dataclasses.replace(node, fraction=32, low=part * turns[0], high=part * turns[1])
         return self.affine(within, 2.0 * math.pi / part)
 
     def to_angle(self, value: Value) -> Value:
         """A slot in radian as an angle slot."""
         factor = 2.0**32 / (2.0 * math.pi) / 2.0**value.fraction
         mantissa, shift = mantissa_and_shift(factor)
-        return self.node(NodeSpec(Node.TO_ANGLE, a=value, shift=shift, p=mantissa), 0, 0, 0)
+        return self._node(Node.TO_ANGLE, 0, 0, 0, a=value, shift=shift, p=mantissa)
 
     def sine_of(self, angle: Value, phase_turns: float) -> Value:
         """sin(angle slot + phase)."""
-        return self.node(NodeSpec(Node.SINE, a=angle, r=wrapped_angle(phase_turns)), 30, -1.0, 1.0)
+        return self._node(Node.SINE, 30, -1.0, 1.0, a=angle, r=wrapped_angle(phase_turns))
 
     def power_of_two(self, value: Value) -> Value:
         """2^value."""
         high = 2.0 ** min(value.high, 40.0)
         fraction = fraction_for(high)
-        argument = (
-            value if 0 <= value.fraction <= 30 else self.with_fraction(value, max(0, min(30, value.fraction)))
-        )
-        return self.node(
-            NodeSpec(Node.POWER_OF_TWO, a=argument, shift=argument.fraction, p=fraction),
-            fraction,
-            2.0 ** max(value.low, -60.0),
-            high,
+        low = 2.0 ** max(value.low, -60.0)
+        argument = self.with_fraction(value, max(0, min(30, value.fraction)))
+        return self._node(
+            Node.POWER_OF_TWO, fraction, low, high, a=argument, shift=argument.fraction, p=fraction
         )
 
     def spline(self, value: Value, first: int, cell_shift: int, coefficients: Array) -> Value:
@@ -391,11 +336,8 @@ class Builder:
         ends = coefficients.sum(axis=1)
         low = float(min(coefficients[:, 0].min(), ends.min()))
         high = float(max(coefficients[:, 0].max(), ends.max()))
-        return self.node(
-            NodeSpec(Node.SPLINE, a=value, shift=cell_shift, count=len(raw), p=first, r=word),
-            fraction,
-            low,
-            high,
+        return self._node(
+            Node.SPLINE, fraction, low, high, a=value, shift=cell_shift, count=len(raw), p=first, r=word
         )
 
     def grid(
@@ -424,23 +366,13 @@ class Builder:
         self.data += raw.tobytes()
         self.data += bytes(-len(self.data) % 4)
         is_constant = all(value.is_constant for value, _ in axes)
+        self._axes[len(self.nodes)] = [value for value, _ in axes]
         result = []
         for output in range(outputs):
             part = values[..., output]
-            kind = Node.GRID if output == 0 else Node.CONTINUATION
-            spec = NodeSpec(kind, count=outputs, r=word) if output == 0 else NodeSpec(kind)
-            spec.is_constant = is_constant
-            self.nodes.append(spec)
-            result.append(
-                Value(
-                    Section.NODES,
-                    len(self.nodes) - 1,
-                    exponent + layout.GRID_VALUE_FRACTION,
-                    min(0.0, float(part.min())),
-                    max(0.0, float(part.max())),
-                    is_constant,
-                )
-            )
+            spec = NodeSpec(Node.CONTINUATION) if output else NodeSpec(Node.GRID, count=outputs, r=word)
+            low, high = min(0.0, float(part.min())), max(0.0, float(part.max()))
+            result.append(self._appended(spec, exponent + layout.GRID_VALUE_FRACTION, low, high, is_constant))
         return result
 
     def _axis(self, value: Value, nodes: tuple[float, ...], flags: int) -> None:
@@ -485,29 +417,20 @@ class Builder:
         need = math.frexp(abs(coefficient))[1] - (value.fraction - 31)
         if need > 0 and room > 0:
             value = self.with_fraction(value, value.fraction + min(room, need))
-        if abs(coefficient) * 2.0 ** _term_fraction(value) > INT32_MAX:
+        try:
+            mantissa = to_fixed(coefficient, layout.COORDINATE_FRACTION + layout.TERM_SHIFT - value.fraction)
+        except OverflowError:
             raise CannotCompileError(
                 f"a coefficient of {coefficient:.3g} for a quantity of at most {value.largest:.3g} in the workspace, "
                 "more than the format can hold"
-            )
+            ) from None
         steep = self.harmonics.has_motor(coordinate) and not value.is_constant and slope > STEEP
-        self.terms.append((coordinate, value, coefficient, steep))
+        self.terms.append((coordinate, value, mantissa, steep))
 
-    def term_record(self, coordinate: int, value: Value, coefficient: float, slot: int) -> bytes:
-        """A term's record."""
-        return layout.TERM.pack(coordinate, 0, slot, to_fixed(coefficient, _term_fraction(value)))
-
-    def inputs(self, index: int) -> list[Value]:
+    def _inputs(self, index: int) -> list[Value]:
         """The slots that node `index` reads."""
         spec = self.nodes[index]
-        found = [value for value in (spec.a, spec.b) if isinstance(value, Value)]
-        if spec.kind is Node.GRID:
-            end = min(
-                (n.r for n in self.nodes if n.kind in (Node.GRID, Node.SPLINE) and n.r > spec.r), default=None
-            )
-            last = len(self.data) if end is None else 4 * end
-            found += [value for position, value in self.axis_slots if 4 * spec.r <= position < last]
-        return found
+        return [value for value in (spec.a, spec.b) if isinstance(value, Value)] + self._axes.get(index, [])
 
     def nodes_read_by(self, values: list[Value]) -> set[int]:
         """Numbers of all nodes that `values` need, grids with all of their outputs."""
@@ -519,7 +442,7 @@ class Builder:
                 index -= 1
             if index in needed:
                 continue
-            outputs = max(1, self.nodes[index].count) if self.nodes[index].kind is Node.GRID else 1
+            outputs = self.nodes[index].count if self.nodes[index].kind is Node.GRID else 1
             needed.update(range(index, index + outputs))
-            waiting += [value.index for value in self.inputs(index) if value.section is Section.NODES]
+            waiting += [value.index for value in self._inputs(index) if value.section is Section.NODES]
         return needed

@@ -134,12 +134,6 @@ def flanges(columns: Mapping[str, Array], spec: dict[str, Any]) -> Array:
     return chain.frames(joints)[-1] @ chain.end
 
 
-def _motor_limits(row: dict[str, Any], slides: bool) -> list[float]:
-    if row.get("passive"):
-        return [0.0, 0.0]
-    return row.get("limits") or ([-1.0, 1.0] if slides else [-2.0 * np.pi, 2.0 * np.pi])
-
-
 def chain_from_robot(spec: dict[str, Any]) -> Chain:
     """The chain of a normalised robot.yaml (mdh, dh or chain; joint limits default to ±360° and ±1 m)."""
     kinematics = spec["kinematics"]
@@ -149,6 +143,10 @@ def chain_from_robot(spec: dict[str, Any]) -> Chain:
     links = spec.get("links") or []
     temperature = spec.get("temperature") or {}
     linkage = spec.get("linkage")
+    limits: list[list[float]] = []
+    for row, slides in zip(rows, prismatic, strict=True):
+        default = [-1.0, 1.0] if slides else [-2.0 * np.pi, 2.0 * np.pi]
+        limits.append([0.0, 0.0] if row.get("passive") else row.get("limits") or default)
     return Chain(
         prismatic=prismatic,
         fixed=fixed,
@@ -156,10 +154,7 @@ def chain_from_robot(spec: dict[str, Any]) -> Chain:
         offset=np.array([row.get("offset") or 0.0 for row in rows]),
         # The rows of kind controller concern reported angles only: io.dataset converts them to the drives' angles.
         coupling=Robot(spec).mechanical_coupling,
-        limits=np.array(
-            [_motor_limits(row, slides) for row, slides in zip(rows, prismatic, strict=True)],
-            dtype=np.float64,
-        ),
+        limits=np.array(limits, dtype=np.float64),
         gear_ratio=[row.get("gear_ratio") for row in rows],
         gravity=np.array(spec.get("gravity") or STANDARD_GRAVITY, dtype=np.float64),
         masses=np.array([link["mass"] for link in links], dtype=np.float64) if links else None,

@@ -16,10 +16,9 @@ from armtrue.extrapolation import duration
 from armtrue.io import Dataset, Robot, load_data
 from armtrue.io.files import read_json
 from armtrue.tables import fixed
-from armtrue.tables.fitted import FittedArm, digest_of, fitted_arm
+from armtrue.tables.fitted import FittedArm, fitted_arm
 from armtrue.tables.image import Image
 from armtrue.tables.reference import Reference, Surroundings, coordinates_moved
-from armtrue.tables.remainder import Remainder, remainder
 
 _LARGEST_FIT_BYTES = 512 * 1024 * 1024
 
@@ -35,6 +34,82 @@ _FLAGS = (
     (fixed.OUTSIDE_COVERAGE, "outside what some table was trained on, where that table is neutral"),
     (fixed.STATE_SATURATED, "with an input beyond the range of the format"),
 )
+
+
+# A row is reported if it keeps more than both of these: what a tracker can resolve, and a relevant share of its error.
+_TOLD_UM = 20.0
+_TOLD_SHARE = 0.05
+# Rows that are computed at a time, some kilobytes each; a row takes about ten microseconds.
+_CHUNK = 10_000
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """Distance of each row's tool point from the intended one [µm], corrected and uncorrected, (N,) each.
+
+    `rows`: their numbers in the file. NaN where the fit has no value, as for the logarithm of a negative number.
+    """
+
+    rows: NDArray[np.int64]
+    left_um: Array
+    uncorrected_um: Array
+
+    def words(self) -> str:
+        """Rows that keep much of their error, and the farthest of them; empty where none does."""
+        told = (self.left_um > _TOLD_UM) & (self.left_um > _TOLD_SHARE * self.uncorrected_um)
+        count = int(told.sum())
+        if not count:
+            return ""
+        farthest = int(np.argmax(np.where(told, self.left_um, -1.0)))
+        worse = int((told & (self.left_um > self.uncorrected_um)).sum())
+        than_before = (
+            f"{worse} of them {'is' if worse == 1 else 'are'} farther off than uncorrected; " if worse else ""
+        )
+        return (
+            f"{count} of {len(self.rows)} rows keep more than {_TOLD_UM:g} µm and {100 * _TOLD_SHARE:g} % of their "
+            f"error, by the fit: at most {self.left_um[farthest]:.1f} µm of {self.uncorrected_um[farthest]:.1f} µm, "
+            f"in row {self.rows[farthest]}; {than_before}all rows {np.nanmean(self.left_um):.1f} µm on average"
+        )
+
+    def figures(self) -> dict[str, Any]:
+        """Mean, largest with its row, and every row in the order of the file; None where the fit has no value."""
+        known = np.flatnonzero(np.isfinite(self.left_um))
+        largest = int(known[np.argmax(self.left_um[known])]) if known.size else None
+        rows = _rounded(self.left_um)
+        return {
+            "mean_um": round(float(self.left_um[known].mean()), 3) if known.size else None,
+            "max_um": None if largest is None else rows[largest],
+            "max_row": None if largest is None else int(self.rows[largest]),
+            "rows_um": rows,
+            "uncorrected_rows_um": _rounded(self.uncorrected_um),
+        }
+
+
+def remainder(
+    arm: FittedArm,
+    rows: NDArray[np.int64],
+    commands: tuple[Array, Array],
+    around: Surroundings,
+    tool: NDArray[np.uint8],
+) -> Remainder:
+    """`commands`: requested and corrected motor-side joints, (N, n) each. `tool`: number of each row's tool."""
+    asked, corrected = commands
+    left_um, uncorrected_um = np.empty(len(asked)), np.empty(len(asked))
+    for number, name in enumerate(arm.flange_from_tool):
+        reference = Reference(arm, name)
+        for first in range(0, len(asked), _CHUNK):
+            chunk = np.zeros(len(asked), dtype=np.bool_)
+            chunk[first : first + _CHUNK] = tool[first : first + _CHUNK] == number
+            if chunk.any():
+                here = around.of(chunk)
+                left_um[chunk] = 1e6 * reference.distances(corrected[chunk], asked[chunk], here)
+                uncorrected_um[chunk] = 1e6 * reference.distances(asked[chunk], asked[chunk], here)
+    return Remainder(rows, left_um, uncorrected_um)
+
+
+def _rounded(values: Array) -> list[float | None]:
+    """Rounded to nanometres, for JSON; None where not finite."""
+    return [round(value, 3) if np.isfinite(value) else None for value in values.tolist()]
 
 
 class Engine(StrEnum):
@@ -99,32 +174,44 @@ def compensate(
     the drives' increments. Columns that `poses` lacks take neutral values, and a note says so. Errors: InputError.
     """
     image = Image.load(tables)
-    document = _made_from(tables, fit, image)
+    document: dict[str, Any] = {}
+    arm: FittedArm | None = None
+    try:
+        document, arm = _made_from(tables, fit, image)
+    except (InputError, ValueError, RecursionError, AttributeError, KeyError, TypeError):
+        if engine is Engine.DOUBLE:
+            raise
     robot = _robot_of(image, document)
     data = load_data(poses, robot, need_position=False)
     joints = data.joints
     clock = _Clock.of(document)
     around, notes = _surroundings(image, data, clock)
     tool = _tool_numbers(image, data)
-    if engine is Engine.FIXED:
-        corrected, more = _fixed(image, joints, around, tool)
+    if engine is Engine.DOUBLE and arm is not None:
+        corrected, more = _double(image, arm, joints, around, tool)
     else:
-        corrected, more = _double(image, _fitted(tables, fit, image), joints, around, tool)
+        corrected, more = _fixed(image, joints, around, tool)
     notes += more
     if quantise:
         per_unit = np.array([joint.increments for joint in image.joints()])
         corrected = joints + np.round((corrected - joints) * per_unit) / per_unit
-    arm = _arm_of(document)
     kept = None if arm is None else remainder(arm, data.rows, (joints, corrected), around, tool)
     if engine is Engine.FIXED:  # the double engine notes the remaining error itself
-        words = _unknown(tables, fit) if kept is None else kept.words()
+        unknown = (
+            f"how far rows stay from their points is not known: {sidecar(tables).name if fit is None else fit} is not "
+            f"the fit that {tables.name} was made from; --fit names another file"
+        )
+        words = unknown if kept is None else kept.words()
         notes += [words] if words else []
+    # Nominal kinematics, with the fitted base and each row's fitted tool.
+    last_from_tool = np.stack(list(image.tools().values()))[tool]
+    intended = (image.measuring_from_base() @ image.chain().frames(joints)[-1] @ last_from_tool)[:, :3, 3]
     limits = _limits(document, image)
     reported_from_drives = np.linalg.inv(robot.drives_from_reported)
     reported = corrected @ reported_from_drives.T
     return Compensated(
         reported,
-        intended_points(image, joints, tool),
+        intended,
         _is_beyond(reported, limits),
         _is_beyond(joints @ reported_from_drives.T, limits),
         notes,
@@ -137,28 +224,20 @@ def _is_beyond(joints: Array, limits: Array) -> NDArray[np.bool_]:
     return np.asarray((joints < limits[:, 0]) | (joints > limits[:, 1]))
 
 
-def _made_from(tables: Path, fit: Path | None, image: Image) -> dict[str, Any]:
-    """The document of the fit that a table was made from; empty where it is missing or of another fit."""
-    try:
-        document = read_json(fit or sidecar(tables), _LARGEST_FIT_BYTES, "a fit.json")
-        return dict(document) if digest_of(document) == image.header["fit_digest"] else {}
-    except (InputError, ValueError, RecursionError, AttributeError, KeyError, TypeError):
-        return {}
-
-
-def _arm_of(document: dict[str, Any]) -> FittedArm | None:
-    try:
-        return fitted_arm(document, "fit.json") if document else None
-    except (InputError, ValueError, AttributeError):
-        return None
-
-
-def _unknown(tables: Path, fit: Path | None) -> str:
-    place = sidecar(tables).name if fit is None else fit
-    return (
-        f"how far rows stay from their points is not known: {place} is not the fit that {tables.name} was made from; "
-        "--fit names another file"
-    )
+def _made_from(tables: Path, fit: Path | None, image: Image) -> tuple[dict[str, Any], FittedArm]:
+    """The fit that a table was made from. Errors: InputError where it is missing, no fit or another one."""
+    place = sidecar(tables) if fit is None else fit
+    if fit is None and not place.is_file():
+        raise InputError(
+            f"{place}: found no such file, expected the fit that {tables.name} was made from; give it with --fit"
+        )
+    document = read_json(place, _LARGEST_FIT_BYTES, "a fit.json")
+    if not isinstance(document, dict):
+        raise InputError(f"{place}: found no fit, expected a fit.json")
+    arm = fitted_arm(document, place)
+    if arm.digest != image.header["fit_digest"]:
+        raise InputError(f"{place}: found another fit than the one that {tables} was made from")
+    return document, arm
 
 
 def _limits(document: dict[str, Any], image: Image) -> Array:
@@ -173,19 +252,10 @@ def _limits(document: dict[str, Any], image: Image) -> Array:
     return limits
 
 
-def intended_points(image: Image, joints: Array, tool: NDArray[np.uint8]) -> Array:
-    """The points (N, 3) that commands are meant for: nominal kinematics, fitted base, each row's fitted tool."""
-    last = image.chain().frames(joints)[-1]
-    last_from_tool = np.stack(list(image.tools().values()))[tool]
-    return np.asarray((image.measuring_from_base() @ last @ last_from_tool)[:, :3, 3])
-
-
 def _fixed(
     image: Image, joints: Array, around: Surroundings, tool: NDArray[np.uint8]
 ) -> tuple[Array, list[str]]:
-    chain = image.chain()
-    engine = fixed.FixedEngine(image.bytes, chain.prismatic, chain.sensors, chain.temperature_reference)
-    result = engine.solve(joints, around, tool)
+    result = fixed.FixedEngine(image.bytes, image.chain()).solve(joints, around, tool)
     notes = []
     for flag, words in _FLAGS:
         count = int(np.count_nonzero(result.flags & flag))
@@ -226,26 +296,10 @@ def _double(
     if not count:
         return corrected, []
     position, attitude = 1e6 * left[~is_reached].max(axis=0)
-    words = f"up to {position:.1f} µm" + (
-        "" if image.rotation_length_m is None else f" and {attitude:.1f} µrad"
-    )
+    turned = "" if image.rotation_length_m is None else f" and {attitude:.1f} µrad"
+    words = f"up to {position:.1f} µm{turned}"
     why = _too_few_axes(image) or "they are close to a singularity or at the end of the reach"
     return corrected, [f"{count} of {len(joints)} poses do not reach their target, {words} are left: {why}"]
-
-
-def _fitted(tables: Path, fit: Path | None, image: Image) -> FittedArm:
-    place = sidecar(tables) if fit is None else fit
-    if fit is None and not place.is_file():
-        raise InputError(
-            f"{place}: found no such file, expected the fit that {tables.name} was made from; give it with --fit"
-        )
-    document = read_json(place, _LARGEST_FIT_BYTES, "a fit.json")
-    if not isinstance(document, dict):
-        raise InputError(f"{place}: found no fit, expected a fit.json")
-    arm = fitted_arm(document, place)
-    if arm.digest != image.header["fit_digest"]:
-        raise InputError(f"{place}: found another fit than the one that {tables} was made from")
-    return arm
 
 
 def _robot_of(image: Image, document: dict[str, Any]) -> Robot:
@@ -290,15 +344,8 @@ class _Clock:
         """The clock of the fit in `document`, as predict reads it: without an origin it begins at 0."""
         if not document:
             return _Clock(None)
-        try:
-            last = float(document["data"]["ranges"]["time"][1])
-        except (KeyError, IndexError, TypeError, ValueError):  # fits by older versions have no ranges
-            last = None
-        return _Clock(float(document.get("time_origin_s", 0.0)), last)
-
-    def since_first(self, times: Array) -> Array:
-        """Seconds since the first fitted measurement; 0 before it, as a device's time begins at 0."""
-        return np.maximum(times - (self.first or 0.0), 0.0)
+        ranges = document.get("data", {}).get("ranges", {})  # fits by older versions have none
+        return _Clock(float(document.get("time_origin_s", 0.0)), ranges.get("time", [None])[-1])
 
     def notes(self, times: Array, file: str) -> list[str]:
         """How `times` of POSES are read, and how many of them are outside the fitted session."""
@@ -329,39 +376,32 @@ def _outside(by: Array, where: str) -> str:
 
 def _surroundings(image: Image, data: Dataset, clock: _Clock) -> tuple[Surroundings, list[str]]:
     columns = data.columns
+    missing: dict[str, list[str]] = {}  # by kind
+    for name in sorted(image.needs() - columns.keys()):
+        missing.setdefault(name.split("_")[0].rstrip("0123456789"), []).append(name)
     notes = [
-        f"{data.path.name} has no {names}: {neutral} is taken"
-        for names, neutral in _missing(image.needs() - columns.keys())
+        f"{data.path.name} has no {', '.join(group)}: {_NEUTRAL[kind]} is taken"
+        for kind, group in missing.items()
     ]
-    n = image.joint_count
-    directions = [columns.get(f"dir{k}") for k in range(1, n + 1)]
+    names = [f"dir{k + 1}" for k in range(image.joint_count)]
     direction = None
-    if any(column is not None for column in directions):
-        zero = np.zeros(data.count)
-        direction = np.column_stack([zero if column is None else column for column in directions])
+    if columns.keys() & names:
+        direction = np.column_stack([columns.get(name, np.zeros(data.count)) for name in names])
     times = columns.get("time") if "time" in image.needs() else None
     if times is not None:
         notes += clock.notes(times, data.path.name)
     around = Surroundings(
         {name: columns[f"temp_{name}"] for name in image.sensors() if f"temp_{name}" in columns},
         columns.get("payload"),
-        None if times is None else clock.since_first(times),
+        # A device's time begins at 0, at the first fitted measurement.
+        None if times is None else np.maximum(times - (clock.first or 0.0), 0.0),
         direction,
     )
     return around, notes
 
 
-def _missing(names: set[str]) -> list[tuple[str, str]]:
-    """Missing columns and their neutral values in words, one entry per kind."""
-    by_kind: dict[str, list[str]] = {}
-    for name in sorted(names):
-        by_kind.setdefault(name.split("_")[0].rstrip("0123456789"), []).append(name)
-    return [(", ".join(group), _NEUTRAL[kind]) for kind, group in by_kind.items()]
-
-
 def _tool_numbers(image: Image, data: Dataset) -> NDArray[np.uint8]:
     names = list(image.tools())
-    default = np.full(data.count, image.header["active_tool"], dtype=np.uint8)
     if "target" not in data.columns or len(names) == 1:
-        return default
+        return np.full(data.count, image.header["active_tool"], dtype=np.uint8)
     return data.reflectors_among(names, "the table's").astype(np.uint8)

@@ -53,19 +53,23 @@ class Compiler:
 
     def as_wave(self, tree: Tree) -> tuple[int, float, float] | None:
         """Source, order and phase in turns where `tree` is a sine or cosine of one joint angle."""
-        if tree.op not in ("sin", "cos"):
+        found = self._angles(tree.args[0]) if tree.op in ("sin", "cos") else None
+        if found is None or len(found[0]) != 1:
             return None
-        affine = expression.as_affine(tree.args[0])
+        return *found[0][0], found[1] + (0.25 if tree.op == "cos" else 0.0)
+
+    def _angles(self, argument: Tree) -> tuple[list[tuple[int, float]], float] | None:
+        """Σ order · joint angle + constant as (source, order) pairs and turns; None if `argument` is no such sum."""
+        affine = expression.as_affine(argument)
         if affine is None:
             return None
-        orders = {name: order for name, order in affine[0].items() if order != 0.0}
-        if len(orders) != 1:
-            return None
-        ((name, order),) = orders.items()
-        source = self.angle_source(name)
-        if source is None:
-            return None
-        return source, order, affine[1] / (2.0 * math.pi) + (0.25 if tree.op == "cos" else 0.0)
+        joints = []
+        for name, order in affine[0].items():
+            source = self.angle_source(name)
+            if source is None:
+                return None
+            joints.append((source, order))
+        return joints, affine[1] / (2.0 * math.pi)
 
     def _number(self, tree: Tree, scale: float) -> Value:
         return self.builder.constant(tree.value)
@@ -149,18 +153,13 @@ class Compiler:
 
     def _wave(self, argument: Tree, scale: float, phase_turns: float) -> Value:
         """sin(argument + phase): of joint angles as binary angles, which wrap by themselves; of others in radian."""
-        affine = expression.as_affine(argument)
-        if affine is not None:
-            sources = [(self.angle_source(name), order) for name, order in affine[0].items() if order != 0.0]
-            turns = phase_turns + affine[1] / (2.0 * math.pi)
-            if all(source is not None for source, _ in sources):
-                joints = [(source, order) for source, order in sources if source is not None]
-                if any(abs(order) >= 2**11 for _, order in joints):
-                    raise CannotCompileError(f"a harmonic of more than {2**11} cycles a turn")
-                if len(joints) == 1:
-                    return self.builder.harmonic(*joints[0], turns)
-                if joints:
-                    return self.builder.sine_of(self.builder.angle_sum(joints), turns)
+        joints, turns = self._angles(argument) or ([], 0.0)
+        if any(abs(order) >= 2**11 for _, order in joints):
+            raise CannotCompileError(f"a harmonic of more than {2**11} cycles a turn")
+        if len(joints) == 1:
+            return self.builder.harmonic(*joints[0], phase_turns + turns)
+        if joints:
+            return self.builder.sine_of(self.builder.angle_sum(joints), phase_turns + turns)
         return self.builder.sine_of(self.builder.to_angle(self.compile(argument, scale)), phase_turns)
 
     def _abs(self, tree: Tree, scale: float) -> Value:
@@ -201,12 +200,8 @@ class Compiler:
         if not all(argument.is_number for argument in tree.args[1:]):
             raise CannotCompileError("a hat whose nodes are not numbers")
         left, centre, right = (argument.value for argument in tree.args[1:])
-        nodes = [centre]
-        heights = [1.0]
-        if left < centre:
-            nodes, heights = [left, *nodes], [0.0, *heights]
-        if right > centre:
-            nodes, heights = [*nodes, right], [*heights, 0.0]
+        nodes = [*([left] if left < centre else []), centre, *([right] if right > centre else [])]
+        heights = [float(node == centre) for node in nodes]
         if len(nodes) == 1:
             return self.builder.constant(1.0)
         covered = np.ones(len(nodes), dtype=np.bool_)

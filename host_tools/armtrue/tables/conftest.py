@@ -16,34 +16,11 @@ Document = dict[str, Any]
 
 def document(terms: list[tuple[str, str, float]], **robot: Any) -> Document:
     """A fit of a three-joint arm with `terms` (coordinate, expression, value)."""
+    rows = ((0.0, 0.0, 0.4, 0.1, 3.0), (0.1, -1.5, 0.0, -1.5, 2.0), (0.6, 0.2, 0.1, 0.0, 2.5))
     joints = [
-        {
-            "name": "1",
-            "a": 0.0,
-            "alpha": 0.0,
-            "d": 0.4,
-            "offset": 0.1,
-            "limits": [-3.0, 3.0],
-            "type": "revolute",
-        },
-        {
-            "name": "2",
-            "a": 0.1,
-            "alpha": -1.5,
-            "d": 0.0,
-            "offset": -1.5,
-            "limits": [-2.0, 2.0],
-            "type": "revolute",
-        },
-        {
-            "name": "3",
-            "a": 0.6,
-            "alpha": 0.2,
-            "d": 0.1,
-            "offset": 0.0,
-            "limits": [-2.5, 2.5],
-            "type": "revolute",
-        },
+        dict(zip(("a", "alpha", "d", "offset"), row, strict=False))
+        | {"name": str(k), "type": "revolute", "limits": [-row[-1], row[-1]]}
+        for k, row in enumerate(rows, 1)
     ]
     masses = [{"mass": m, "com": [0.1, 0.02, 0.05]} for m in (30.0, 20.0, 10.0)]
     return {
@@ -100,7 +77,7 @@ def worst_error() -> Worst:
         )
         reference = Reference(arm, "")
         exact = reference.coordinates(reference.state(joints, around))[coordinate]
-        engine = FixedEngine(image, arm.chain.prismatic, arm.chain.sensors, arm.chain.temperature_reference)
+        engine = FixedEngine(image, arm.chain)
         found = engine.coordinates(joints, around)[:, layout.coordinate_number(coordinate)]
         assert np.abs(exact).max() > 1e-6
         return float(np.abs(found - exact).max())

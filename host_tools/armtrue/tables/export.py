@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import zlib
 from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,7 +19,7 @@ from armtrue.tables.builder import Builder, CannotCompileError, Harmonics, Value
 from armtrue.tables.compiler import Compiler, int_exponent
 from armtrue.tables.fitted import FittedArm, Grid
 from armtrue.tables.fixedpoint import mantissa_and_shift, to_fixed
-from armtrue.tables.gravity_sets import GravitySets
+from armtrue.tables.gravity_sets import GravitySets, Reading, gravity_variable
 from armtrue.tables.layout import Section, State
 from armtrue.tables.reference import Reference, Surroundings
 
@@ -51,7 +53,6 @@ class ExportOptions:
     increments: tuple[float, ...] | None = None  # per joint turn or metre; from the gear ratio
     blend_ms: int = 500
     damping_m: float | None = None  # 0.4 % of the reach
-    rotation_length_m: float | None = None  # a quarter of the reach
     max_correction: float | None = None  # rad or m; twice what 99.9 % of sampled poses need, rounded up
     max_rate: float = 0.1  # rad/s or m/s
     dead_band: float = 2e-5  # rad or m
@@ -73,13 +74,7 @@ def export(arm: FittedArm, options: ExportOptions, path: object = "fit") -> Expo
     Errors: InputError naming what the format cannot hold. `path` is for messages.
     """
     exported = _Exporter(arm, options, path).run()
-    _check_as_a_device(exported.image, path)
-    return exported
-
-
-def _check_as_a_device(image: bytes, path: object) -> None:
-    """Errors: InputError where the firmware's own reader refuses `image`."""
-    verdict = fixed.validate(image)
+    image, verdict = exported.image, fixed.validate(exported.image)
     if verdict.refusal == fixed.TOO_COSTLY:
         raise InputError(
             f"{path}: found a model that takes up to {fixed.cycle_cost(image)} instructions of a control cycle, "
@@ -90,6 +85,7 @@ def _check_as_a_device(image: bytes, path: object) -> None:
             f"{path}: found a table that no device would take ({verdict.reason}, byte {verdict.field}), "
             "expected values within docs/table-format.md; check the options and the fit's parameters"
         )
+    return exported
 
 
 class _Exporter:
@@ -99,16 +95,13 @@ class _Exporter:
         self.options = options
         self.path = path
         self.notes: list[str] = []
-        self.builder = Builder(harmonics=Harmonics(passive=self.chain.passive))
-        alone = [k for k in range(self.chain.joint_count) if np.count_nonzero(self.chain.coupling[k]) == 1]
-        self.builder.harmonics.link_offsets = {
-            k: float(self.chain.offset[k]) for k in alone if not self.chain.prismatic[k]
-        }
+        alone = np.flatnonzero(np.count_nonzero(self.chain.coupling, axis=1) == 1).tolist()
+        offsets = {k: float(self.chain.offset[k]) for k in alone if not self.chain.prismatic[k]}
+        self.builder = Builder(Harmonics(passive=self.chain.passive, link_offsets=offsets))
+        self.rotation_length_m = 0.25 * self.chain.reach_m if options.full_pose else None
         self.tool = self._tool_name()
         self.payload_max_kg = self._payload_max()
-        self.gravity = GravitySets(
-            self.chain, (self.chain.end @ [*arm.payload_point, 1.0])[:3], self.payload_max_kg
-        )
+        self.gravity = GravitySets(self.chain, arm.payload_in_last_link(), self.payload_max_kg)
         self._ranges: dict[str, tuple[float, float]] = {}
         self._samples: dict[str, Array] = {}
 
@@ -138,17 +131,15 @@ class _Exporter:
     def _tool_name(self) -> str:
         names = list(self.arm.flange_from_tool)
         wanted = self.options.tool
-        if wanted is None:
-            if len(names) > 1:
-                self.notes.append(f"tool '{names[0]}' of {', '.join(names)} is active (--tool takes another)")
-            return names[0]
-        if wanted not in names and names == [""]:
-            raise InputError(
-                f"--tool: found '{wanted}', expected none: the fit has one tool, which has no name; leave --tool out"
-            )
-        if wanted not in names:
-            raise InputError(f"--tool: found '{wanted}', expected one of {', '.join(repr(n) for n in names)}")
-        return wanted
+        if wanted in names:
+            return wanted
+        if wanted is not None:
+            one = "none: the fit has one tool, which has no name; leave --tool out"
+            expected = one if names == [""] else f"one of {', '.join(repr(n) for n in names)}"
+            raise InputError(f"--tool: found '{wanted}', expected {expected}")
+        if len(names) > 1:
+            self.notes.append(f"tool '{names[0]}' of {', '.join(names)} is active (--tool takes another)")
+        return names[0]
 
     def _payload_max(self) -> float:
         if self.options.payload_max_kg is not None:
@@ -192,7 +183,7 @@ class _Exporter:
             columns = reference.state(poses, Surroundings({}, payload=np.full(len(poses), payload)))
             self._samples = columns
             for name in self.arm.variables():
-                if not self.gravity.is_gravity(name) or name not in columns:
+                if gravity_variable(name) is None or name not in columns:
                     continue
                 low, high = self._ranges.get(name, (0.0, 0.0))
                 column = _TORQUE_MARGIN * columns[name]
@@ -226,37 +217,30 @@ class _Exporter:
             return builder.state(State.PAYLOAD, 0, 0.0, self.payload_max_kg)
         if name == "time":
             return builder.state(State.TIME, 0, 0.0, _TIME_RANGE_S)
-        if name == "dT" and self.chain.sensors:
-            return builder.state(State.TEMPERATURE, 0, -_TEMPERATURE_RANGE_K, _TEMPERATURE_RANGE_K)
-        if name.startswith("dT_") and name[3:] in self.chain.sensors:
-            sensor = self.chain.sensors.index(name[3:])
-            return builder.state(State.TEMPERATURE, sensor, -_TEMPERATURE_RANGE_K, _TEMPERATURE_RANGE_K)
-        found = self.gravity.reading(name)
-        if found is not None:
-            mass_set, reading = found
-            low_g, high_g = self._ranges[name]
-            return builder.state(
-                reading.kind, reading.joint, low_g, high_g, mass_set, self.gravity.sets[mass_set].fraction
-            )
+        sensor = {f"dT_{sensor}": number for number, sensor in enumerate(self.chain.sensors)}.get(name)
+        if sensor is not None or (name == "dT" and self.chain.sensors):
+            return builder.state(State.TEMPERATURE, sensor or 0, -_TEMPERATURE_RANGE_K, _TEMPERATURE_RANGE_K)
+        if (found := self.gravity.reading(name)) is not None:
+            return self._gravity_state(*found, *self._ranges[name])
         if name.startswith(("tau", "gm", "bm")):
             raise CannotCompileError(
                 f"'{name}' was measured, and robot.yaml gives no masses from which a device could compute it"
             )
         raise CannotCompileError(f"a device does not know '{name}'")
 
+    def _gravity_state(self, mass_set: int, reading: Reading, low: float, high: float) -> Value:
+        fraction = self.gravity.sets[mass_set].fraction
+        return self.builder.state(reading.kind, reading.joint, low, high, mass_set, fraction)
+
     def _angle_source(self, name: str) -> int | None:
         match = _JOINT_VARIABLE.match(name)
         if match is None or match[1] == "dir":
             return None
         k = int(match[2]) - 1
+        # Couplings are between turning joints (`_check_arm`).
         if k >= self.chain.joint_count or self.chain.prismatic[k]:
             return None
-        if match[1] == "q":
-            return k
-        driven_by_sliding = any(
-            self.chain.prismatic[j] for j in np.flatnonzero(self.chain.coupling[k]) if j != k
-        )
-        return None if driven_by_sliding else layout.LINK_ANGLE + k
+        return k if match[1] == "q" else layout.LINK_ANGLE + k
 
     def _compile_terms(self) -> None:
         regressors: dict[str, dict[str, float]] = defaultdict(dict)
@@ -272,7 +256,8 @@ class _Exporter:
                         dict.fromkeys(self.arm.effects.get((coordinate, text), []))
                     )
             for tree, coefficient in merged.items():
-                if tree.op == "variable" and self.gravity.is_regressor(tree.name):
+                variable = gravity_variable(tree.name)
+                if variable is not None and variable.is_regressor:
                     regressors[coordinate][tree.name] = coefficient
                 elif coefficient != 0.0:
                     others.append((coordinate, tree, coefficient))
@@ -296,25 +281,16 @@ class _Exporter:
             number = self._coordinate_number(coordinate)
             if number is None:
                 continue
-            try:
-                self._compile_term(compiler, number, tree, coefficient)
-            except (CannotCompileError, OverflowError) as error:
-                names = ", ".join(effects[coordinate, tree]) or "unknown"
-                raise CannotCompileError(
-                    f"effect {names}, a term on {coordinate}: {error}; {_REMEDY}"
-                ) from None
+            names = ", ".join(effects[coordinate, tree]) or "unknown"
+            with _naming(f"effect {names}, a term on {coordinate}"):
+                wave = compiler.as_wave(tree)
+                if wave is not None:
+                    self.builder.harmonics.add(number, *wave, coefficient)
+                    continue
+                value = compiler.compile(tree, coefficient)
+                self.builder.add_term(number, value, coefficient, self._slope(tree, coefficient))
         self._add_grids()
         self.notes += compiler.notes
-
-    def _compile_term(
-        self, compiler: Compiler, number: int, tree: expression.Tree, coefficient: float
-    ) -> None:
-        wave = compiler.as_wave(tree)
-        if wave is not None:
-            self.builder.harmonics.add(number, *wave, coefficient)
-            return
-        value = compiler.compile(tree, coefficient)
-        self.builder.add_term(number, value, coefficient, self._slope(tree, coefficient))
 
     def _coordinate_number(self, coordinate: str) -> int | None:
         """Number of a coordinate; None for another tool than the active one."""
@@ -322,19 +298,13 @@ class _Exporter:
             return None
         return layout.coordinate_number(coordinate)
 
-    def _add_combined(self, combined: dict[str, Any]) -> None:
+    def _add_combined(self, combined: dict[str, dict[Reading, int]]) -> None:
         for coordinate, readings in combined.items():
             for reading, mass_set in readings.items():
                 # The mass set contains the coefficients, so the state variable is the sum itself, in rad.
-                value = self.builder.state(
-                    reading.kind, reading.joint, -0.5, 0.5, mass_set, self.gravity.sets[mass_set].fraction
-                )
-                try:
+                value = self._gravity_state(mass_set, reading, -0.5, 0.5)
+                with _naming(f"gravity regressors on {coordinate}"):
                     self.builder.add_term(layout.coordinate_number(coordinate), value, 1.0)
-                except CannotCompileError as error:
-                    raise CannotCompileError(
-                        f"gravity regressors on {coordinate}: {error}; {_REMEDY}"
-                    ) from None
 
     def _add_grids(self) -> None:
         """Grids with equal axes, coverage and exponent share one node, so that the cell is searched only once."""
@@ -357,27 +327,21 @@ class _Exporter:
             )
         values = np.stack([grid.values for grid in grids], axis=-1)
         pairs = [(self._variable(axis.variable), axis.nodes) for axis in axes]
-        try:
+        with _naming(f"table {grids[0].name} over {', '.join(axis.variable for axis in axes)}"):
             outputs = self.builder.grid(pairs, values, grids[0].covered, exponent)
-        except CannotCompileError as error:
-            read = ", ".join(axis.variable for axis in axes)
-            raise CannotCompileError(f"table {grids[0].name} over {read}: {error}; {_REMEDY}") from None
         for grid, value in zip(grids, outputs, strict=True):
             number = self._coordinate_number(grid.coordinate)
             if number is None:
                 continue
-            try:
+            with _naming(f"table {grid.name}"):
                 self.builder.add_term(number, value, 1.0, _grid_slope(grid))
-            except CannotCompileError as error:
-                raise CannotCompileError(f"table {grid.name}: {error}; {_REMEDY}") from None
 
     def _slope(self, tree: expression.Tree, coefficient: float) -> float:
         """Largest slope of a term over any one joint [rad/rad]; gravity is taken as constant."""
         joints = [name for name in tree.variables() if name[0] == "q" or name.startswith("th")]
-        columns = dict(self._samples)
+        columns, step = self._samples, 1e-5
         largest = 0.0
         for name in joints:
-            step = 1e-5
             moved = {**columns, name: columns[name] + step}
             with np.errstate(all="ignore"):
                 change = np.abs(expression.evaluate(tree, moved) - expression.evaluate(tree, columns)) / step
@@ -390,7 +354,6 @@ class _Exporter:
         sections = self._records()
         n = self.chain.joint_count
         damping = self.options.damping_m or 0.004 * self.chain.reach_m
-        rotation = self.options.rotation_length_m or 0.25 * self.chain.reach_m
         flags = (layout.FLAG_FULL_POSE if self.options.full_pose else 0) | (
             layout.FLAG_SIGNED if self.options.secret_seed else 0
         )
@@ -418,12 +381,12 @@ class _Exporter:
             0,
             self.options.blend_ms,
             to_fixed(max(layout.DAMPING[0], damping), layout.LENGTH_FRACTION),
-            to_fixed(rotation, layout.LENGTH_FRACTION) if self.options.full_pose else 0,
+            to_fixed(self.rotation_length_m or 0.0, layout.LENGTH_FRACTION),
             self._constant_nodes,
             self._steep_nodes,
             self._constant_terms,
             self._steep_terms,
-            self.builder.harmonics.steep_count(),
+            self._steep_harmonics,
             0,
         )
         image = header + directory + body
@@ -451,16 +414,19 @@ class _Exporter:
 
     def _records(self) -> list[tuple[Section, int, bytes]]:
         """(kind, count, content) of every section that is not empty, in order."""
-        node_order = self._node_order()
-        slot_of = {
-            **{(Section.STATE, i): position for position, i in enumerate(self._state_order())},
-            **{(Section.NODES, i): len(self.builder.states) + p for p, i in enumerate(node_order)},
-        }
+        # Constant ones (ONE first), then joint positions, then gravity by mass set: each set is summed once.
+        states = sorted(
+            self.builder.states.items(),
+            key=lambda item: (layout.state_class(item[0][0]), item[0][0] is not State.ONE, item[0][2]),
+        )
+        order = self._node_order()
+        keys = [(Section.STATE, value.index) for _, value in states] + [(Section.NODES, i) for i in order]
+        slot_of = {key: position for position, key in enumerate(keys)}
 
         def slot(value: Value | int) -> int:
             return value if isinstance(value, int) else slot_of[value.section, value.index]
 
-        harmonics = self.builder.harmonics.records()
+        harmonics, self._steep_harmonics = self.builder.harmonics.records()
         slow_waves = self.builder.harmonics.slow_records()
         self._refuse_more_than(layout.MAX_SLOTS, len(slot_of), "state variables and nodes")
         self._refuse_more_than(layout.MAX_TERMS, len(self.builder.terms), "terms")
@@ -468,82 +434,42 @@ class _Exporter:
         self._refuse_more_than(layout.MAX_SLOW_WAVES, len(slow_waves), "slow waves")
         for position, value in self.builder.axis_slots:
             self.builder.data[position : position + 2] = slot(value).to_bytes(2, "little")
-        coupling = [
-            layout.COUPLING.pack(
-                row,
-                column,
-                0,
-                _held(
-                    self.chain.coupling[row, column],
-                    layout.COUPLING_FRACTION,
-                    f"a coupling of joint {row + 1} to motor {column + 1}",
-                ),
-            )
-            for row, column in np.argwhere(self.chain.coupling != 0.0)
-            if row != column
+        nodes = [
+            layout.NODE.pack(s.kind, s.shift, s.shift2, s.count, slot(s.a), slot(s.b), s.p, s.r)
+            for s in (self.builder.nodes[i] for i in order)
         ]
-        nodes = [self.builder.nodes[i] for i in node_order]
-        data = bytes(self.builder.data)
+        data, base = bytes(self.builder.data), self.arm.measuring_from_base
         content: list[tuple[Section, list[bytes]]] = [
             (Section.JOINTS, self._joints()),
             (Section.TOOLS, self._tools()),
-            (Section.COUPLING, coupling),
-            (
-                Section.STATE,
-                [
-                    layout.STATE.pack(s.kind, s.index, s.mass_set, s.fraction)
-                    for s in (self.builder.states[i] for i in self._state_order())
-                ],
-            ),
-            (
-                Section.SENSORS,
-                [
-                    layout.SENSOR.pack(
-                        round(1000.0 * self.chain.temperature_reference),
-                        self._name(sensor, layout.SENSOR_NAME_LENGTH, "sensor"),
-                    )
-                    for sensor in self.chain.sensors
-                ],
-            ),
+            (Section.COUPLING, self._coupling()),
+            (Section.STATE, [layout.STATE.pack(*key, value.fraction) for key, value in states]),
+            (Section.SENSORS, self._sensors()),
             (Section.MASS_SETS, self._mass_sets()),
             (Section.GRAVITY, self._gravity()),
-            (
-                Section.NODES,
-                [
-                    layout.NODE.pack(s.kind, s.shift, s.shift2, s.count, slot(s.a), slot(s.b), s.p, s.r)
-                    for s in nodes
-                ],
-            ),
+            (Section.NODES, nodes),
             (Section.TERMS, self._terms(slot)),
             (Section.HARMONICS, harmonics),
             (Section.SLOW_WAVES, slow_waves),
             (Section.DATA, [data[i : i + 4] for i in range(0, len(data), 4)]),
-            (Section.BASE, [self._base()]),
+            (Section.BASE, [layout.BASE.pack(*base[:3, :3].ravel(), *base[:3, 3])]),
         ]
         return [(kind, len(records), b"".join(records)) for kind, records in content if records]
-
-    def _state_order(self) -> list[int]:
-        """Constant ones (ONE first), then joint positions, then gravity by mass set: each set is summed once."""
-        states = self.builder.states
-        return sorted(
-            range(len(states)), key=lambda i: (layout.state_class(states[i].kind), i != 0, states[i].mass_set)
-        )
 
     def _node_order(self) -> list[int]:
         """Constant ones first, then those that steep terms need, then the rest; every node follows its inputs."""
         needed = self.builder.nodes_read_by([value for _, value, _, steep in self.builder.terms if steep])
-        nodes = self.builder.nodes
 
         def part(i: int) -> int:
-            return 0 if nodes[i].is_constant else 1 if i in needed else 2
+            return 0 if i in self.builder.constant_nodes else 1 if i in needed else 2
 
-        order = sorted(range(len(nodes)), key=part)
+        order = sorted(range(len(self.builder.nodes)), key=part)
         self._constant_nodes = sum(part(i) == 0 for i in order)
         self._steep_nodes = sum(part(i) <= 1 for i in order)
         return order
 
     def _terms(self, slot: Any) -> list[bytes]:
-        def part(term: tuple[int, Value, float, bool]) -> int:
+        def part(term: tuple[int, Value, int, bool]) -> int:
             return 0 if term[1].is_constant else 1 if term[3] else 2
 
         one = self.builder.one()
@@ -551,18 +477,17 @@ class _Exporter:
         self._constant_terms = sum(part(term) == 0 for term in terms)
         self._steep_terms = sum(part(term) <= 1 for term in terms)
         return [
-            self.builder.term_record(coordinate, value, coefficient, slot(value))
-            for coordinate, value, coefficient, _ in terms
+            layout.TERM.pack(coordinate, 0, slot(value), mantissa) for coordinate, value, mantissa, _ in terms
         ]
 
-    def _transform(self, matrix: Array) -> tuple[list[int], list[int]]:
+    def _transform(self, matrix: Array) -> list[int]:
         longest = float(np.abs(matrix[:3, 3]).max())
         if longest > _LONGEST_M:
             raise InputError(
                 f"{self.path}: found a link or tool of {longest:g} m, expected at most {_LONGEST_M:g} m"
             )
         rotation = [to_fixed(v, layout.RATIO_FRACTION) for v in matrix[:3, :3].ravel()]
-        return rotation, [to_fixed(v, layout.LENGTH_FRACTION) for v in matrix[:3, 3]]
+        return rotation + [to_fixed(v, layout.LENGTH_FRACTION) for v in matrix[:3, 3]]
 
     def _joints(self) -> list[bytes]:
         largest = self._magnitude_limits()
@@ -572,13 +497,11 @@ class _Exporter:
         for k, transform in enumerate(self.chain.fixed):
             slides = self.chain.prismatic[k]
             unit = 1.0 if slides else 1.0 / (2.0 * np.pi)  # native units (m or turn) per m or rad
-            rotation, translation = self._transform(transform)
             to_position, position_shift = mantissa_and_shift(2.0**32 / self._per_unit[k])
             to_increment, increment_shift = mantissa_and_shift(self._per_unit[k] / 2.0**32)
             records.append(
                 layout.JOINT.pack(
-                    *rotation,
-                    *translation,
+                    *self._transform(transform),
                     round(self.chain.offset[k] * unit * 2.0**32),
                     0,
                     to_position,
@@ -607,12 +530,10 @@ class _Exporter:
                     f"--increments: found {', '.join(f'{value:.10g}' for value in given) or 'none'}, expected "
                     f"{numbers} from {least:.10g} to {most:.10g}, negative where a drive counts against its joint"
                 )
-            per_unit = [
-                float(_INCREMENTS_PER_UNIT)
-            ] * n  # a passive joint has no drive, but its record needs a value
-            for place, k in enumerate(motors):
-                per_unit[k] = given[0 if len(given) == 1 else place]
-            return per_unit
+            # A passive joint has no drive, but its record needs a value.
+            per_unit = np.full(n, float(_INCREMENTS_PER_UNIT))
+            per_unit[motors] = given
+            return [float(value) for value in per_unit]
         made = []
         for k, (slides, ratio) in enumerate(zip(self.chain.prismatic, self.chain.gear_ratio, strict=True)):
             count = float(
@@ -659,19 +580,14 @@ class _Exporter:
             return np.full(n, self.options.max_correction)
         reference = Reference(self.arm, self.tool)
         poses = self._random_poses(2)
+        warm = np.full(len(poses), self.chain.temperature_reference + 15.0)
         around = Surroundings(
-            {
-                sensor: np.full(len(poses), self.chain.temperature_reference + 15.0)
-                for sensor in self.chain.sensors
-            },
+            dict.fromkeys(self.chain.sensors, warm),
             payload=np.where(np.arange(len(poses)) % 2 == 0, 0.0, self.payload_max_kg),
             time=np.where(np.arange(len(poses)) % 3 == 0, 0.0, 4e4),
             direction=np.random.default_rng(3).choice([-1.0, 1.0], poses.shape),
         )
-        rotation = (
-            (self.options.rotation_length_m or 0.25 * self.chain.reach_m) if self.options.full_pose else None
-        )
-        correction = np.abs(reference.newton_joints(poses, around, rotation) - poses)
+        correction = np.abs(reference.newton_joints(poses, around, self.rotation_length_m) - poses)
         # Close to singularities corrections grow without bound, so all but one in a thousand are covered. Their last
         # digits depend on rounding; whole steps give the same image on every processor.
         covered = 2.0 * np.quantile(correction, 0.999, axis=0) + 2e-3
@@ -679,15 +595,30 @@ class _Exporter:
             np.minimum(np.ceil(covered / _CORRECTION_STEP) * _CORRECTION_STEP, _LARGEST_CORRECTION)
         )
 
+    def _coupling(self) -> list[bytes]:
+        records = []
+        for row, column in np.argwhere(self.chain.coupling - np.diag(np.diag(self.chain.coupling))):
+            what = f"a coupling of joint {row + 1} to motor {column + 1}"
+            ratio = _held(self.chain.coupling[row, column], layout.COUPLING_FRACTION, what)
+            records.append(layout.COUPLING.pack(row, column, 0, ratio))
+        return records
+
     def _tools(self) -> list[bytes]:
         self._refuse_more_than(layout.MAX_TOOLS, len(self.arm.flange_from_tool), "tools")
-        records = []
-        for name, flange_from_tool in self.arm.flange_from_tool.items():
-            rotation, translation = self._transform(self.chain.end @ flange_from_tool)
-            records.append(
-                layout.TOOL.pack(*rotation, *translation, self._name(name, layout.TOOL_NAME_LENGTH, "target"))
+        return [
+            layout.TOOL.pack(
+                *self._transform(self.chain.end @ pose), self._name(name, layout.TOOL_NAME_LENGTH, "target")
             )
-        return records
+            for name, pose in self.arm.flange_from_tool.items()
+        ]
+
+    def _sensors(self) -> list[bytes]:
+        reference = round(1000.0 * self.chain.temperature_reference)
+        length = layout.SENSOR_NAME_LENGTH
+        return [
+            layout.SENSOR.pack(reference, self._name(sensor, length, "sensor"))
+            for sensor in self.chain.sensors
+        ]
 
     def _name(self, name: str, most: int, what: str) -> bytes:
         encoded = name.encode()
@@ -718,9 +649,14 @@ class _Exporter:
         limit = to_fixed(min(self.payload_max_kg, 2000.0), layout.STATE_FRACTION[State.PAYLOAD])
         return [layout.GRAVITY.pack(*vector, *point, limit)]
 
-    def _base(self) -> bytes:
-        base = self.arm.measuring_from_base
-        return layout.BASE.pack(*base[:3, :3].ravel(), *base[:3, 3])
+
+@contextmanager
+def _naming(what: str) -> Iterator[None]:
+    """Begin the message of an error with `what` a table cannot hold, and end it with a remedy."""
+    try:
+        yield
+    except (CannotCompileError, OverflowError) as error:
+        raise CannotCompileError(f"{what}: {error}; {_REMEDY}") from None
 
 
 def _held(value: float, fraction: int, what: str) -> int:

@@ -131,34 +131,16 @@ def evaluate(tree: Tree, columns: Mapping[str, Array]) -> Array:
 
 def as_affine(tree: Tree) -> tuple[dict[str, float], float] | None:
     """`tree` as Σ coefficient · variable + constant, or None where it is not affine in its variables."""
-    if tree.op == "number":
-        return {}, tree.value
-    if tree.op == "variable":
-        return {tree.name: 1.0}, 0.0
-    if tree.op in ("add", "subtract", "negate"):
-        parts = [as_affine(argument) for argument in tree.args]
-        signs = [1.0, 1.0] if tree.op == "add" else [1.0, -1.0]
-        if tree.op == "negate":
-            signs = [-1.0]
-        total: dict[str, float] = {}
-        constant = 0.0
-        for part, sign in zip(parts, signs, strict=True):
-            if part is None:
-                return None
-            for name, coefficient in part[0].items():
-                total[name] = total.get(name, 0.0) + sign * coefficient
-            constant += sign * part[1]
-        return total, constant
-    if tree.op in ("multiply", "divide"):
-        a, b = tree.args
-        if tree.op == "multiply" and a.is_number:
-            a, b = b, a
-        inner = as_affine(a)
-        if inner is None or not b.is_number:
+    total: dict[str, float] = {}
+    constant = 0.0
+    for factor, part in linear_parts(tree):
+        if part.op == "variable":
+            total[part.name] = total.get(part.name, 0.0) + factor
+        elif part.is_number:
+            constant += factor * part.value
+        else:
             return None
-        factor = b.value if tree.op == "multiply" else 1.0 / b.value
-        return {name: factor * c for name, c in inner[0].items()}, factor * inner[1]
-    return None
+    return {name: factor for name, factor in total.items() if factor != 0.0}, constant
 
 
 def factors(tree: Tree) -> tuple[float, list[tuple[Tree, int]]]:

@@ -20,7 +20,6 @@ from armtrue.io.catalogue import catalogue
 from armtrue.io.columns import FAR_TRAVEL, TRAVEL
 from armtrue.tables import expression
 from armtrue.tables.chain import Chain, chain_from_robot, pose
-from armtrue.tables.expression import Tree
 
 # Variables that are a load per radian of the base's rotation about an axis (docs/model.md).
 _TILT = re.compile(r"\btilt[xy]?_[0-9]+_([xyz])\b")
@@ -94,6 +93,10 @@ class FittedArm:
     # the reason, and how far each moves the tool [µm RMS].
     stays_behind: dict[str, tuple[str, float | None]] = field(default_factory=dict)
 
+    def payload_in_last_link(self) -> Array:
+        """`payload_point` in the last link's frame, m."""
+        return np.asarray((self.chain.end @ [*self.payload_point, 1.0])[:3])
+
     def variables(self) -> set[str]:
         """State variables that the exported terms read."""
         names: set[str] = set()
@@ -111,9 +114,8 @@ def digest_of(document: dict[str, Any]) -> bytes:
         key: document.get(key)
         for key in ("robot", "parameters", "measuring_from_base", "flange_from_tool", "payload_point")
     }
-    if (
-        document.get("statics") == "nominal"
-    ):  # this part and the next exist only where they apply, so that digests in older tables still match
+    # This part and the next exist only where they apply, so that digests in older tables still match.
+    if document.get("statics") == "nominal":
         parts["statics"] = "nominal"
     if averaged := sorted(not_for_a_device(document)):
         parts["averaged"] = [averaged, document.get("data", {}).get("means")]
@@ -123,7 +125,20 @@ def digest_of(document: dict[str, Any]) -> bytes:
 def fitted_arm(document: dict[str, Any], path: object) -> FittedArm:
     """Read the content of a fit.json. `path` is for messages. Errors: InputError."""
     try:
-        arm = _head(document)
+        robot, point = document["robot"], document.get("payload_point")
+        arm = FittedArm(
+            name=str(robot.get("name", "robot")),
+            serial=str(robot.get("serial", "")),
+            digest=digest_of(document),
+            chain=chain_from_robot(robot),
+            measuring_from_base=pose(document["measuring_from_base"]),
+            flange_from_tool={name: pose(entry) for name, entry in document["flange_from_tool"].items()},
+            payload_point=pose(robot.get("tool"))[:3, 3]
+            if point is None
+            else np.array(point, dtype=np.float64),
+            payload_kg=float(document.get("data", {}).get("ranges", {}).get("payload", [0.0])[-1]),
+            loads_act_at_command=document.get("statics") == "nominal",
+        )
         reflectors = document.get("data", {}).get("targets") or list(arm.flange_from_tool)
         _gather(document, arm, reflectors)
     except _core.ExpressionError as error:
@@ -131,24 +146,6 @@ def fitted_arm(document: dict[str, Any], path: object) -> FittedArm:
     except (KeyError, TypeError, IndexError) as error:
         raise InputError(f"{path}: found no {error}, expected a complete fit.json") from None
     return arm
-
-
-def _head(document: dict[str, Any]) -> FittedArm:
-    robot = document["robot"]
-    tools = {name: pose(entry) for name, entry in document["flange_from_tool"].items()}
-    nominal_tool = pose(robot.get("tool"))
-    point = document.get("payload_point")
-    return FittedArm(
-        name=str(robot.get("name", "robot")),
-        serial=str(robot.get("serial", "")),
-        digest=digest_of(document),
-        chain=chain_from_robot(robot),
-        measuring_from_base=pose(document["measuring_from_base"]),
-        flange_from_tool=tools,
-        payload_point=nominal_tool[:3, 3] if point is None else np.array(point, dtype=np.float64),
-        payload_kg=float(document.get("data", {}).get("ranges", {}).get("payload", [0.0])[-1]),
-        loads_act_at_command=document.get("statics") == "nominal",
-    )
 
 
 def _with_reflector(coordinate: str, reflectors: list[str]) -> str:
@@ -225,25 +222,19 @@ def _is_node(text: str, table: dict[str, Any]) -> bool:
     axes = [axis for axis in table["axes"] if len(axis["nodes"]) > 1]
     if not axes or len(axes) != len(table["axes"]):
         return False
-    factors = _factors(expression.parse(text))
-    if len(factors) != len(axes):
+    number, factors = expression.factors(expression.parse(text))
+    if number != 1.0 or len(factors) != len(axes):
         return False
-    for factor, axis, index in zip(factors, axes, table["index"], strict=True):
+    for (factor, exponent), axis, index in zip(factors, axes, table["index"], strict=True):
         nodes = axis["nodes"]
         # Beyond the ends a node's hat falls to zero over the width of the outermost cell, as the firmware's tables do.
         padded = [nodes[0] - (nodes[1] - nodes[0]), *nodes, nodes[-1] + (nodes[-1] - nodes[-2])]
         hat = padded[index : index + 3]
-        if factor.op != "hat" or factor.args[0].name != axis["variable"]:
+        if factor.op != "hat" or exponent != 1 or factor.args[0].name != axis["variable"]:
             return False
         if [argument.value for argument in factor.args[1:]] != hat:
             return False
     return True
-
-
-def _factors(tree: Tree) -> list[Tree]:
-    if tree.op == "multiply":
-        return [*_factors(tree.args[0]), *_factors(tree.args[1])]
-    return [tree]
 
 
 def _grid(name: str, coordinate: str, entries: list[tuple[dict[str, Any], float]]) -> Grid:

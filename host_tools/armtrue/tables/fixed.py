@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.tables import layout
+from armtrue.tables.chain import Chain
 from armtrue.tables.reference import Surroundings
 
 TOO_COSTLY = 20  # Refusal::kTooCostly
@@ -31,11 +32,7 @@ _TIME_SCALE = 2.0**10
 
 class _Surroundings(ctypes.Structure):
     _fields_: ClassVar = [
-        ("temperature_difference", ctypes.c_void_p),
-        ("payload", ctypes.c_void_p),
-        ("time", ctypes.c_void_p),
-        ("direction", ctypes.c_void_p),
-        ("tool", ctypes.c_void_p),
+        (name, ctypes.c_void_p) for name in ("temperature_difference", "payload", "time", "direction", "tool")
     ]
 
 
@@ -48,13 +45,6 @@ def library() -> ctypes.CDLL:
     loaded.armtrue_refusal_name.restype = ctypes.c_char_p
     loaded.armtrue_cycle_cost.restype = ctypes.c_uint32
     loaded.armtrue_cycle_budget.restype = ctypes.c_uint32
-    for name in (
-        "armtrue_solve",
-        "armtrue_coordinates",
-        "armtrue_ed25519_public_key",
-        "armtrue_ed25519_sign",
-    ):
-        getattr(loaded, name).restype = None
     return loaded
 
 
@@ -108,26 +98,22 @@ class Corrected:
 
 
 class FixedEngine:
-    """Corrects poses with an image that `validate` accepted.
+    """Corrects poses with an image of the arm `chain` that `validate` accepted."""
 
-    `prismatic`: per joint. `sensors`: names in the image's order. `reference_degc`: of the sensors.
-    """
-
-    def __init__(
-        self, image: bytes, prismatic: list[bool], sensors: list[str], reference_degc: float
-    ) -> None:
+    def __init__(self, image: bytes, chain: Chain) -> None:
         self.image = image
-        self.sensors = sensors
-        self.reference_degc = reference_degc
-        self.unit = np.where(prismatic, 1.0, 1.0 / (2.0 * np.pi))  # native units (m or turn) per m or rad
+        self.chain = chain
+        self.unit = np.where(
+            chain.prismatic, 1.0, 1.0 / (2.0 * np.pi)
+        )  # native units (m or turn) per m or rad
 
     def solve(self, joints: Array, around: Surroundings, tool: NDArray[np.uint8] | None = None) -> Corrected:
         """Correct commanded joints (N, n), each row on its own. `tool`: number of each row's tool."""
         target = self.to_positions(joints)
         delta = np.zeros(target.shape, dtype=np.int32)
         flags = np.zeros(len(target), dtype=np.uint16)
-        self._call("armtrue_solve", target, around, tool, delta, flags)
-        flags[self._is_clipped(around, len(target))] |= np.uint16(STATE_SATURATED)
+        is_clipped = self._call("armtrue_solve", target, around, tool, delta, flags)
+        flags[is_clipped] |= np.uint16(STATE_SATURATED)
         corrected = (target + delta) * (2.0**-layout.POSITION_FRACTION / self.unit)
         return Corrected(corrected, flags)
 
@@ -151,65 +137,46 @@ class FixedEngine:
         around: Surroundings,
         tool: NDArray[np.uint8] | None,
         *results: NDArray[np.generic],
-    ) -> None:
-        """Call a function of the library for all rows of `target`; it writes into `results`."""
-        packed, keep = self._packed(around, target.shape, tool)
+    ) -> NDArray[np.bool_]:
+        """Call a function of the library for all rows of `target`; it writes into `results`.
+
+        Returns a mask of the rows with an input beyond 32 bits: the firmware gets it clipped, and cannot tell.
+        """
+        scaled = self._scaled(around, len(target))
+        integers = [None if values is None else _to_int32(values) for values in scaled]
+        direction = None if around.direction is None else np.sign(around.direction).astype(np.int8)
+        # The structure holds addresses only: these arrays live until after the call.
+        arrays = [
+            None if array is None else np.ascontiguousarray(array) for array in (*integers, direction, tool)
+        ]
         getattr(library(), function)(
             self.image,
             ctypes.c_size_t(len(self.image)),
             ctypes.c_size_t(len(target)),
             _pointer(target),
-            ctypes.byref(packed),
+            ctypes.byref(_Surroundings(*(None if array is None else array.ctypes.data for array in arrays))),
             *map(_pointer, results),
         )
-        del keep  # alive until after the call, because the structure holds addresses only
-
-    def _packed(
-        self, around: Surroundings, shape: tuple[int, ...], tool: NDArray[np.uint8] | None
-    ) -> tuple[_Surroundings, list[object]]:
-        """The structure, and the arrays that must outlive the call."""
-        rows = shape[0]
-        keep: list[object] = []
-
-        def hold(array: NDArray[np.generic] | None) -> int | None:
-            if array is None:
-                return None
-            contiguous = np.ascontiguousarray(array)
-            keep.append(contiguous)
-            return int(contiguous.ctypes.data)
-
-        temperature = None
-        if self.sensors:
-            temperature = np.zeros((rows, len(self.sensors)), dtype=np.int32)
-            for s, sensor in enumerate(self.sensors):
-                if sensor in around.temperature:
-                    temperature[:, s] = _to_int32(self._scaled_temperature(around, sensor))
-        direction = None if around.direction is None else np.sign(around.direction).astype(np.int8)
-        packed = _Surroundings(
-            hold(temperature),
-            hold(None if around.payload is None else _to_int32(around.payload * _PAYLOAD_SCALE)),
-            hold(None if around.time is None else _to_int32(around.time * _TIME_SCALE)),
-            hold(direction),
-            hold(tool),
-        )
-        return packed, keep
-
-    def _scaled_temperature(self, around: Surroundings, sensor: str) -> Array:
-        return (around.temperature[sensor] - self.reference_degc) * _TEMPERATURE_SCALE
-
-    def _is_clipped(self, around: Surroundings, rows: int) -> NDArray[np.bool_]:
-        """Rows with an input that 32 bits do not hold: the firmware gets it clipped, and cannot tell."""
-        scaled = [
-            self._scaled_temperature(around, name) for name in self.sensors if name in around.temperature
-        ]
-        if around.payload is not None:
-            scaled.append(around.payload * _PAYLOAD_SCALE)
-        if around.time is not None:
-            scaled.append(around.time * _TIME_SCALE)
-        clipped = np.zeros(rows, dtype=np.bool_)
-        for values in scaled:
-            clipped |= _to_int32(values) != np.round(values)
+        clipped = np.zeros(len(target), dtype=np.bool_)
+        for values, integer in zip(scaled, integers, strict=True):
+            if values is not None:
+                differs = np.asarray(integer != np.round(values))
+                clipped |= differs.reshape(len(target), -1).any(axis=1)
         return clipped
+
+    def _scaled(self, around: Surroundings, rows: int) -> list[Array | None]:
+        """Temperatures (N, sensors), payload and time in the firmware's counts, not yet rounded."""
+        temperature = np.zeros((rows, len(self.chain.sensors)))
+        for s, sensor in enumerate(self.chain.sensors):
+            if sensor in around.temperature:
+                temperature[:, s] = (
+                    around.temperature[sensor] - self.chain.temperature_reference
+                ) * _TEMPERATURE_SCALE
+        return [
+            temperature if self.chain.sensors else None,
+            None if around.payload is None else around.payload * _PAYLOAD_SCALE,
+            None if around.time is None else around.time * _TIME_SCALE,
+        ]
 
 
 def _to_int32(values: Array) -> NDArray[np.int32]:

@@ -7,22 +7,21 @@ import math
 INT32_MAX = 2**31 - 1
 
 
-def fraction_for(largest: float, bits: int = 30, most: int = 60) -> int:
-    """Fraction bits with which numbers up to `largest` stay within `bits` bits."""
+def fraction_for(largest: float, most: int = 60) -> int:
+    """Fraction bits with which numbers up to `largest` stay within 30 bits."""
     if largest <= 0.0 or not math.isfinite(largest):
         return 30
-    exponent = math.frexp(largest)[1]
-    return max(-30, min(most, bits - exponent))
+    return max(-30, min(most, 30 - math.frexp(largest)[1]))
 
 
-def mantissa_and_shift(factor: float, least_shift: int = 1, most_shift: int = 62) -> tuple[int, int]:
+def mantissa_and_shift(factor: float, least_shift: int = 1) -> tuple[int, int]:
     """`factor` as mantissa / 2^shift with a 30-bit mantissa where the shifts allow it.
 
     Raises OverflowError where the factor is too large for the least shift.
     """
     if factor == 0.0:
         return 0, least_shift
-    shift = max(least_shift, min(most_shift, 30 - math.frexp(abs(factor))[1]))
+    shift = max(least_shift, min(62, 30 - math.frexp(abs(factor))[1]))
     mantissa = round(factor * 2.0**shift)
     if abs(mantissa) > INT32_MAX:
         raise OverflowError(f"{factor} does not fit a mantissa with a shift of {shift}")

@@ -15,11 +15,19 @@ from armtrue.errors import InputError
 from armtrue.io.files import read_bytes
 from armtrue.tables import layout
 from armtrue.tables.chain import Chain, transform
-from armtrue.tables.fixed import validate
+from armtrue.tables.fixed import cycle_budget, cycle_cost, validate
 from armtrue.tables.layout import Node, Section, State
 
 # Largest file that is read; no device holds more.
 LARGEST_IMAGE_BYTES = 16 * 1024 * 1024
+
+
+_STATE_NAMES = {
+    State.ONE: "1", State.MOTOR: "q", State.LINK: "th", State.TORQUE: "tau", State.MOMENT_X: "gmx",
+    State.MOMENT_Y: "gmy", State.BASE_MOMENT_X: "bmx", State.BASE_MOMENT_Y: "bmy", State.PAYLOAD: "payload",
+    State.DIRECTION: "dir", State.TIME: "time",
+}  # fmt: skip
+_OF_THE_ARM = (State.ONE, State.BASE_MOMENT_X, State.BASE_MOMENT_Y, State.PAYLOAD, State.TIME)
 
 
 @dataclass(frozen=True)
@@ -165,8 +173,9 @@ class Image:
         inner, *_, source, onto, order, phase = nodes[scaled - first]
         if inner is not Node.ANGLE or onto != layout.NONE or phase:
             return None
-        name = f"{'th' if source >= layout.LINK_ANGLE else 'q'}{source % layout.LINK_ANGLE + 1}"
-        return name, 2.0 * np.pi * 2.0 ** (shift + layout.ORDER_FRACTION - 32) / (factor * order)
+        return _angle_name(source), 2.0 * np.pi * 2.0 ** (shift + layout.ORDER_FRACTION - 32) / (
+            factor * order
+        )
 
     def state_name(self, slot: int) -> str:
         """Name of a state variable as docs/model.md has it; `node N` for a slot of the other nodes."""
@@ -175,38 +184,23 @@ class Image:
             found = self._long_angle(slot)
             return found[0] if found else f"node {slot - len(states)}"
         kind, index, mass_set, _ = states[slot]
-        sensors = list(self.sensors())
-        joint = index + 1
+        if kind is State.TEMPERATURE:
+            return f"dT_{list(self.sensors())[index]}"
         own = "" if mass_set == 0 else f" of mass set {mass_set}"
-        return {
-            State.ONE: "1",
-            State.MOTOR: f"q{joint}",
-            State.LINK: f"th{joint}",
-            State.TORQUE: f"tau{joint}{own}",
-            State.MOMENT_X: f"gmx{joint}{own}",
-            State.MOMENT_Y: f"gmy{joint}{own}",
-            State.BASE_MOMENT_X: f"bmx{own}",
-            State.BASE_MOMENT_Y: f"bmy{own}",
-            State.TEMPERATURE: f"dT_{sensors[index]}" if index < len(sensors) else "",
-            State.PAYLOAD: "payload",
-            State.DIRECTION: f"dir{joint}",
-            State.TIME: "time",
-        }[kind]
+        joint = "" if kind in _OF_THE_ARM else index + 1
+        return f"{_STATE_NAMES[kind]}{joint}{own}"
 
     def needs(self) -> set[str]:
         """Columns that the table reads besides the joints: `temp_NAME`, `payload`, `time`, `dirK`."""
         names: set[str] = set()
-        sensors = list(self.sensors())
-        carries = {
-            number for number, flags in enumerate(self._mass_set_flags()) if flags & layout.CARRIES_PAYLOAD
-        }
+        sensors, flags = list(self.sensors()), self._mass_set_flags()
         for kind, index, mass_set, _ in self.states():
             if kind is State.TEMPERATURE:
                 names.add(f"temp_{sensors[index]}")
-            elif kind is State.PAYLOAD or (kind in layout.GRAVITY_KINDS and mass_set in carries):
+            elif kind in layout.GRAVITY_KINDS and flags[mass_set] & layout.CARRIES_PAYLOAD:
                 names.add("payload")
-            elif kind is State.TIME:
-                names.add("time")
+            elif kind in (State.PAYLOAD, State.TIME):
+                names.add(_STATE_NAMES[kind])
             elif kind is State.DIRECTION:
                 names.add(f"dir{index + 1}")
         return names
@@ -274,12 +268,10 @@ class Image:
         for coordinate, _, source, order, phase, amplitude in self.records(
             Section.HARMONICS, layout.HARMONIC
         ):
-            is_link = source >= layout.LINK_ANGLE
-            joint = (source - layout.LINK_ANGLE if is_link else source) + 1
             result.append(
                 (
                     layout.coordinate_name(coordinate),
-                    f"{'th' if is_link else 'q'}{joint}",
+                    _angle_name(source),
                     order * 2.0**-layout.ORDER_FRACTION,
                     phase * 2.0**-32 * 2.0 * np.pi,
                     amplitude * 2.0**-layout.TERM_SHIFT,
@@ -336,6 +328,105 @@ class Image:
         return result
 
 
+def _angle_name(source: int) -> str:
+    return f"{'th' if source >= layout.LINK_ANGLE else 'q'}{source % layout.LINK_ANGLE + 1}"
+
+
 def _transform(record: tuple[int, ...]) -> Array:
     rotation = np.array(record[:9], dtype=np.float64).reshape(3, 3) * 2.0**-layout.RATIO_FRACTION
     return transform(np.array(record[9:12]) * 2.0**-layout.LENGTH_FRACTION, rotation)
+
+
+def lever_m(image: Image, coordinate: str) -> float:
+    """Largest displacement of the tool per unit of a coordinate: 1 for lengths, the arm beyond it for angles [m]."""
+    number = layout.coordinate_number(coordinate)
+    joints = image.joints()
+    lengths = [float(np.linalg.norm(joint.fixed[:3, 3])) for joint in joints]
+    tool = max(float(np.linalg.norm(tool[:3, 3])) for tool in image.tools().values())
+    if number < layout.MAX_JOINTS:
+        return 1.0 if joints[number].prismatic else sum(lengths[number + 1 :]) + tool
+    frame, component = divmod(number - layout.MAX_JOINTS, 6)
+    if component < 3:
+        return 1.0
+    return tool if frame == layout.TOOL_FRAME else sum(lengths[frame:]) + tool
+
+
+def describe(image: Image) -> dict[str, Any]:
+    """Everything that `armtrue tables info` prints."""
+    header = image.header
+    nodes = image.nodes()
+    tools = list(image.tools())
+    return {
+        "format_version": header["version"],
+        "bytes": len(image.bytes),
+        "cycle_instructions": cycle_cost(image.bytes),
+        "cycle_instructions_budget": cycle_budget(),
+        "robot_serial": image.serial,
+        "sequence": header["sequence"],
+        "fit_sha256": header["fit_digest"].hex(),
+        "signed": image.is_signed,
+        "full_pose": image.is_full_pose,
+        "blend_ms": header["blend_ms"],
+        "damping_m_per_rad": image.damping_m,
+        "rotation_length_m": image.rotation_length_m,
+        "tools": tools,
+        "active_tool": tools[header["active_tool"]],
+        "sensors_reference_degc": image.sensors(),
+        "needs": sorted(image.needs()),
+        "loads_act_at": image.loads_act_at(),
+        "joints": [
+            {
+                "type": "prismatic" if joint.prismatic else "revolute",
+                "passive": joint.passive,
+                "increments_per_unit": joint.increments,
+                "increment_um_at_tool": 1e6 * lever_m(image, f"motor{k + 1}") / abs(joint.increments),
+                "max_correction": joint.magnitude,
+                "max_rate": joint.rate,
+                "dead_band_increments": joint.dead_band_increments,
+            }
+            for k, joint in enumerate(image.joints())
+        ],
+        "counts": {
+            "state_variables": image.count(Section.STATE),
+            "nodes": len(nodes),
+            "nodes_once_a_cycle": header["constant_nodes"],
+            "terms": image.count(Section.TERMS),
+            "terms_once_a_cycle": header["constant_terms"],
+            "harmonics": image.count(Section.HARMONICS),
+            "slow_waves": image.count(Section.SLOW_WAVES),
+            "mass_sets": image.count(Section.MASS_SETS),
+        },
+        "section_bytes": {kind.name.lower(): size for kind, size in image.section_bytes().items()},
+        "tables": _tables(image),
+    }
+
+
+def _tables(image: Image) -> list[dict[str, Any]]:
+    """Tables and grids: axes, nodes, coverage, and half a unit of the last place in µm at the tool."""
+    first_slot = image.count(Section.STATE)
+    terms = image.terms()
+    result = []
+    for grid in image.grids():
+        for output in range(grid.values.shape[-1]):
+            slot = first_slot + grid.node + output
+            for coordinate, _, factor in (term for term in terms if term[1] == slot):
+                # A slot carries GRID_VALUE_FRACTION bits below the stored integer.
+                unit = abs(factor) * 2.0**layout.GRID_VALUE_FRACTION
+                result.append(
+                    {
+                        "coordinate": coordinate,
+                        "axes": [
+                            {
+                                "variable": image.state_name(slot_of_axis),
+                                "nodes": int(nodes.size),
+                                "from": float(nodes[0]),
+                                "to": float(nodes[-1]),
+                            }
+                            for slot_of_axis, nodes in grid.axes
+                        ],
+                        "covered": float(grid.covered.mean()),
+                        "largest": float(np.abs(grid.values[..., output]).max() * unit),
+                        "quantisation_um": 0.5e6 * unit * lever_m(image, coordinate),
+                    }
+                )
+    return result

@@ -5,7 +5,6 @@ docs/model.md gives every formula. Vectorised over poses with NumPy; shares no c
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -17,9 +16,8 @@ from armtrue.io.rotation import matrix_from_rotation_vector
 from armtrue.tables import expression, layout
 from armtrue.tables.chain import Chain
 from armtrue.tables.fitted import FittedArm
-from armtrue.tables.layout import COMPONENTS
-
-_REGRESSOR = re.compile(r"^u(x|y)?_(\d+)_(\d+)_([mxyz])$|^up(x|y)?_(\d+)$")
+from armtrue.tables.gravity_sets import PAYLOAD, Reading, gravity_variable, masses_of
+from armtrue.tables.layout import COMPONENTS, State
 
 # The inverse stops at steps below this [rad, m]; away from singularities it needs four.
 _CONVERGED_M = 1e-13
@@ -98,8 +96,8 @@ class Reference:
 
     def at_nominal(self, motor: Array) -> Standing:
         """Where loads act on the nominal arm at motor-side joints (N, n)."""
-        point = (self.chain.end @ [*self.arm.payload_point, 1.0])[:3]
-        return Standing(self.chain.frames(motor), np.tile(point, (motor.shape[0], 1)))
+        point = np.tile(self.arm.payload_in_last_link(), (motor.shape[0], 1))
+        return Standing(self.chain.frames(motor), point)
 
     def state(self, motor: Array, around: Surroundings, standing: Standing | None = None) -> dict[str, Array]:
         """Columns of every state variable that the exported terms read, at motor-side joints (N, n).
@@ -151,10 +149,6 @@ class Reference:
         """Nominal base_from_tool (N, 4, 4) with the fitted tool."""
         return self.chain.tool_poses(motor, self.flange_from_tool)
 
-    def inverse(self, target: Array, around: Surroundings, rotation_length_m: float | None = None) -> Array:
-        """The joints of `solve`."""
-        return self.solve(target, around, rotation_length_m).joints
-
     def solve(self, target: Array, around: Surroundings, rotation_length_m: float | None = None) -> Solved:
         """Motor-side joints (N, n) at which the real tool is where nominal kinematics puts it for `target`.
 
@@ -166,6 +160,10 @@ class Reference:
         does not lower the error, or leads further than any table may correct, is tried again with more damping. No
         pose ends with a larger error than without correction.
         """
+        # The largest distance of each joint from the start of the steps [rad, m]: what a table may correct at most.
+        farthest = np.where(
+            self.chain.prismatic, layout.MAX_DELTA[True], 2.0 * np.pi * layout.MAX_DELTA[False]
+        )
         wanted, standing = self.nominal(target), self.at_nominal(target)
         coordinates = self.coordinates(self.state(target, around, standing))
         start = target - self._taken_off(coordinates, target.shape)
@@ -192,7 +190,7 @@ class Reference:
         for count in range(_MOST_STEPS):
             tried = corrected[active] + step
             found, found_slope = seen(tried, active)
-            is_near = (np.abs(tried - start[active]) <= self._farthest()).all(axis=1)
+            is_near = (np.abs(tried - start[active]) <= farthest).all(axis=1)
             if count == 0:
                 # Coordinates at the target differ a little from those at the start, so the first step may raise an
                 # error that was already small there.
@@ -226,7 +224,7 @@ class Reference:
     def newton_joints(
         self, target: Array, around: Surroundings, rotation_length_m: float | None = None
     ) -> Array:
-        """As `inverse`, by Newton's method with unbounded steps: only for the limits of an export.
+        """As `solve`, by Newton's method with unbounded steps: only for the limits of an export.
 
         Away from singularities the result is the same. Near them it diverges, which makes an export's limits generous:
         with the bounded steps of `solve` they would be a third tighter on some arms, and a device would clamp more.
@@ -256,11 +254,6 @@ class Reference:
     def _loads(self, joints: Array, at_target: Standing) -> Standing:
         """Where the loads of `joints` act: at the commanded joints if so fitted, else at the corrected arm."""
         return self.at_nominal(joints) if self.arm.loads_act_at_command else at_target
-
-    def _farthest(self) -> Array:
-        """Largest distance of each joint from the start of the steps [rad, m]: what a table may correct at most."""
-        slides = np.array(self.chain.prismatic)
-        return np.where(slides, layout.MAX_DELTA[True], 2.0 * np.pi * layout.MAX_DELTA[False])
 
     def _motor_deflection(self, coordinates: dict[str, Array], shape: tuple[int, ...]) -> Array:
         result = np.zeros(shape)
@@ -310,49 +303,37 @@ class Reference:
         return frames, current
 
     def _add_gravity(self, columns: dict[str, Array], names: set[str], standing: Standing) -> None:
-        chain, frames, point = self.chain, standing.frames, standing.payload
-        rows = point.shape[0]
-        if chain.masses is not None and chain.coms is not None:
-            masses = np.tile(chain.masses, (rows, 1))
-            moments = np.tile(chain.masses[:, None] * chain.coms, (rows, 1, 1))
-            masses[:, -1] += columns["payload"]
-            moments[:, -1] += columns["payload"][:, None] * point
-            arm_moments = gravity_moments(chain.gravity, frames, masses, moments)
-            for kind, prefix in enumerate(("tau", "gmx", "gmy")):
-                for k in range(chain.joint_count):
-                    columns[f"{prefix}{k + 1}"] = self._gravity_of(arm_moments, frames, kind, k + 1)
-            columns["bmx"] = self._gravity_of(arm_moments, frames, 1, 0)
-            columns["bmy"] = self._gravity_of(arm_moments, frames, 2, 0)
-        for name in names:
-            match = _REGRESSOR.match(name)
-            if match is None:
-                continue
-            masses, moments = np.zeros((rows, chain.joint_count)), np.zeros((rows, chain.joint_count, 3))
-            if match[6] is not None:
-                masses[:, -1], moments[:, -1] = 1.0, point
-                kind, joint = _kind(match[5]), int(match[6])
-            else:
-                link = int(match[3]) - 1
-                if match[4] == "m":
-                    masses[:, link] = 1.0
-                else:
-                    moments[:, link, "xyz".index(match[4])] = 1.0
-                kind, joint = _kind(match[1]), int(match[2])
-            unit = gravity_moments(chain.gravity, frames, masses, moments)
-            columns[name] = self._gravity_of(unit, frames, kind, joint)
+        known: dict[tuple[int, str] | None, tuple[Array, Array]] = {}
 
-    def _gravity_of(self, moments: tuple[Array, Array], frames: list[Array], kind: int, joint: int) -> Array:
-        """Torque (kind 0) on motor joint `joint`, or moment x (1), y (2) about frame `joint`; joint 0 is the base."""
+        def caused_by(unit: tuple[int, str] | None, reading: Reading) -> Array:
+            if unit not in known:
+                own = masses_of(unit, self.chain, np.zeros(3))
+                moments = np.tile(own.moments, (len(standing.payload), 1, 1))
+                if unit == PAYLOAD:
+                    moments[:, -1] = standing.payload
+                known[unit] = gravity_moments(self.chain.gravity, standing.frames, own.masses, moments)
+            return self._gravity_of(known[unit], standing.frames, reading)
+
+        for name in names:
+            variable = gravity_variable(name)
+            if variable is None or (variable.unit is None and self.chain.masses is None):
+                continue
+            columns[name] = caused_by(variable.unit, variable.reading)
+            if variable.unit is None:
+                columns[name] = columns[name] + columns["payload"] * caused_by(PAYLOAD, variable.reading)
+
+    def _gravity_of(self, moments: tuple[Array, Array], frames: list[Array], reading: Reading) -> Array:
         about_origin, force = moments
-        if joint == 0:
+        axis = 0 if reading.kind in (State.BASE_MOMENT_X, State.MOMENT_X) else 1
+        if reading.kind in (State.BASE_MOMENT_X, State.BASE_MOMENT_Y):
             at_base = about_origin[:, 0] + np.cross(frames[0][:, :3, 3], force[:, 0])
-            return np.asarray(at_base[:, kind - 1])
-        if kind != 0:
-            axis = frames[joint - 1][:, :3, kind - 1]
-            return np.asarray(np.einsum("ni,ni->n", axis, about_origin[:, joint - 1]))
+            return np.asarray(at_base[:, axis])
+        if reading.kind is not State.TORQUE:
+            return np.asarray(
+                np.einsum("ni,ni->n", frames[reading.joint][:, :3, axis], about_origin[:, reading.joint])
+            )
         total = np.zeros(force.shape[0])
-        for k in range(self.chain.joint_count):
-            ratio = self.chain.coupling[k, joint - 1]
+        for k, ratio in enumerate(self.chain.coupling[:, reading.joint]):
             if ratio != 0.0:
                 acting = force[:, k] if self.chain.prismatic[k] else about_origin[:, k]
                 total += ratio * np.einsum("ni,ni->n", frames[k][:, :3, 2], acting)
@@ -416,28 +397,21 @@ def coordinates_moved(chain: Chain, last_from_tool: Array, rotation_length_m: fl
     return int(np.linalg.matrix_rank(slope, tol=_MOVES * chain.reach_m).max())
 
 
-def _kind(letter: str | None) -> int:
-    return {None: 0, "x": 1, "y": 2}[letter]
-
-
 def gravity_moments(
     gravity: Array, frames: list[Array], masses: Array, moments: Array
 ) -> tuple[Array, Array]:
     """Moment about the origin of frame k, and force, of everything beyond joint k: (N, n, 3) each, in the base.
 
-    `masses` (N, n); `moments` (N, n, 3): mass times centre of mass, in frame k.
+    `masses` (n,); `moments` (N, n, 3): mass times centre of mass, in frame k.
     """
-    count = len(frames)
-    rows = masses.shape[0]
-    about_base = np.zeros((rows, count, 3))
-    force = np.zeros((rows, count, 3))
-    first_moment: Array = np.zeros((rows, 3))
-    mass: Array = np.zeros(rows)
-    for k in reversed(range(count)):
+    about_base, force = np.zeros(moments.shape), np.zeros(moments.shape)
+    first_moment: Array = np.zeros((len(moments), 3))
+    mass = 0.0
+    for k in reversed(range(len(frames))):
         origin = frames[k][:, :3, 3]
         turned = np.einsum("nij,nj->ni", frames[k][:, :3, :3], moments[:, k])
-        first_moment = first_moment + turned + masses[:, k, None] * origin
-        mass = mass + masses[:, k]
-        about_base[:, k] = np.cross(first_moment - mass[:, None] * origin, gravity)
-        force[:, k] = mass[:, None] * gravity
+        first_moment = first_moment + turned + masses[k] * origin
+        mass += masses[k]
+        about_base[:, k] = np.cross(first_moment - mass * origin, gravity)
+        force[:, k] = mass * gravity
     return about_base, force

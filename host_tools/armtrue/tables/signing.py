@@ -7,6 +7,7 @@ import binascii
 import ctypes
 import secrets
 from pathlib import Path
+from typing import Literal
 
 from armtrue.errors import InputError
 from armtrue.io.files import read_text, write_file
@@ -14,21 +15,20 @@ from armtrue.tables import layout
 from armtrue.tables.fixed import library
 
 KEY_LENGTH = 32
-_SECRET_HEAD = "armtrue-ed25519-secret "
-_PUBLIC_HEAD = "armtrue-ed25519-public "
+_HEAD = "armtrue-ed25519-{} "  # secret or public
 
 
 def public_key(seed: bytes) -> bytes:
     """The public key (32 bytes) of a secret seed (32 bytes)."""
     result = ctypes.create_string_buffer(KEY_LENGTH)
-    library().armtrue_ed25519_public_key(_checked(seed), result)
+    library().armtrue_ed25519_public_key(seed, result)
     return result.raw
 
 
 def sign(seed: bytes, message: bytes) -> bytes:
     """The signature (64 bytes) of `message`."""
     result = ctypes.create_string_buffer(layout.SIGNATURE_LENGTH)
-    library().armtrue_ed25519_sign(_checked(seed), message, ctypes.c_size_t(len(message)), result)
+    library().armtrue_ed25519_sign(seed, message, ctypes.c_size_t(len(message)), result)
     return result.raw
 
 
@@ -43,24 +43,15 @@ def write_key_pair(path: Path) -> tuple[Path, bytes]:
             raise InputError(f"{place}: found a file, expected none: a key that is lost cannot be made again")
     seed = secrets.token_bytes(KEY_LENGTH)
     key = public_key(seed)
-    write_file(path, _SECRET_HEAD + base64.b64encode(seed).decode() + "\n")
+    write_file(path, _HEAD.format("secret") + base64.b64encode(seed).decode() + "\n")
     path.chmod(0o600)
-    write_file(public_path, _PUBLIC_HEAD + base64.b64encode(key).decode() + "\n")
+    write_file(public_path, _HEAD.format("public") + base64.b64encode(key).decode() + "\n")
     return public_path, key
 
 
-def read_seed(path: Path) -> bytes:
-    """The secret seed in a file of `write_key_pair`. Errors: InputError."""
-    return _read(path, _SECRET_HEAD, "a secret key made by armtrue keygen")
-
-
-def read_public_key(path: Path) -> bytes:
-    """The public key in a file of `write_key_pair`. Errors: InputError."""
-    return _read(path, _PUBLIC_HEAD, "a public key made by armtrue keygen")
-
-
-def _read(path: Path, head: str, what: str) -> bytes:
-    text = read_text(path, largest_bytes=4096).strip()
+def read_key(path: Path, kind: Literal["secret", "public"]) -> bytes:
+    """The secret seed or the public key in a file of `write_key_pair`. Errors: InputError."""
+    text, head = read_text(path, largest_bytes=4096).strip(), _HEAD.format(kind)
     if text.startswith(head):
         try:
             key = base64.b64decode(text[len(head) :], validate=True)
@@ -68,10 +59,4 @@ def _read(path: Path, head: str, what: str) -> bytes:
             key = b""
         if len(key) == KEY_LENGTH:
             return key
-    raise InputError(f"{path}: found something else, expected {what}")
-
-
-def _checked(seed: bytes) -> bytes:
-    if len(seed) != KEY_LENGTH:
-        raise ValueError(f"expected {KEY_LENGTH} bytes, found {len(seed)}")
-    return seed
+    raise InputError(f"{path}: found something else, expected a {kind} key made by armtrue keygen")

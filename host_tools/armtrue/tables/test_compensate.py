@@ -11,9 +11,8 @@ import pytest
 
 from armtrue import _core
 from armtrue.tables import ExportOptions, export, fitted_arm
-from armtrue.tables.compensate import Compensated, Engine, compensate, sidecar
+from armtrue.tables.compensate import Compensated, Engine, Remainder, compensate, sidecar
 from armtrue.tables.conftest import document
-from armtrue.tables.remainder import Remainder
 
 SHORTER = [("link2.tx", "1", -3e-3), ("motor2", "1", 2e-3)]
 

@@ -87,7 +87,7 @@ def test_inverse_reaches_the_nominal_point() -> None:
     reference = Reference(fitted_arm(document(TERMS), "test"), "")
     joints, around, _ = state(500)
     nominal = reference.nominal(joints)[:, :3, 3]
-    corrected = reference.inverse(joints, around)
+    corrected = reference.solve(joints, around).joints
     reached, jacobian = reference.real(corrected, around, reference.at_nominal(joints))
     regular = np.linalg.svd(jacobian[:, :3], compute_uv=False)[:, 2] > 0.05
     assert regular.mean() > 0.5
@@ -100,7 +100,7 @@ def test_inverse_with_loads_at_command_matches_the_fitter() -> None:
     reference = Reference(fitted_arm(fit, "test"), "")
     joints, around, columns = state(300)
     nominal = reference.nominal(joints)[:, :3, 3]
-    corrected = reference.inverse(joints, around)
+    corrected = reference.solve(joints, around).joints
     columns |= {f"q{k + 1}": np.ascontiguousarray(corrected[:, k]) for k in range(3)}
     reached = np.asarray(_core.predict(json.dumps(fit), columns))
     jacobian = reference.real(corrected, around)[1]
@@ -113,7 +113,7 @@ def test_loads_of_the_nominal_arm_leave_under_a_thousandth_of_sag() -> None:
     reference = Reference(fitted_arm(fit, "test"), "")
     joints, around, columns = state(300)
     nominal = reference.nominal(joints)[:, :3, 3]
-    corrected = reference.inverse(joints, around)
+    corrected = reference.solve(joints, around).joints
     columns |= {f"q{k + 1}": np.ascontiguousarray(corrected[:, k]) for k in range(3)}
     off = np.asarray(_core.predict(json.dumps(fit), columns)) - nominal
     sag = reference.real(joints, around)[0][:, :3, 3] - nominal
@@ -142,7 +142,7 @@ def test_inverse_near_singularities_is_bounded_and_never_worse(
     fit = document([*SHORTER, ("motor3", "tau3", 2e-5)]) | {"statics": statics}
     reference = Reference(fitted_arm(fit, "test"), "")
     joints, around = stretched(300)
-    corrected = reference.inverse(joints, around, rotation_length_m)
+    corrected = reference.solve(joints, around, rotation_length_m).joints
     assert np.abs(corrected - joints).max() < 2.0 * np.pi * layout.MAX_DELTA[False] + 0.01
     wanted = reference.nominal(joints)
 

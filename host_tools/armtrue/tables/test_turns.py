@@ -11,8 +11,7 @@ from armtrue.errors import InputError
 from armtrue.tables import FixedEngine, Reference, Surroundings, export, fitted_arm, layout
 from armtrue.tables.conftest import Document, document
 from armtrue.tables.export import ExportOptions
-from armtrue.tables.image import Image
-from armtrue.tables.info import describe
+from armtrue.tables.image import Image, describe
 
 
 def with_last_joint(text: str, **changes: Any) -> Document:
@@ -61,12 +60,7 @@ def difference_rad(
     around = Surroundings({sensor: np.full(q3.size, 20.0) for sensor in arm.chain.sensors})
     reference = Reference(arm, "")
     exact = reference.coordinates(reference.state(joints, around))["motor3"]
-    engine = FixedEngine(
-        export(arm, ExportOptions()).image,
-        arm.chain.prismatic,
-        arm.chain.sensors,
-        arm.chain.temperature_reference,
-    )
+    engine = FixedEngine(export(arm, ExportOptions()).image, arm.chain)
     return np.asarray(engine.coordinates(joints, around)[:, layout.coordinate_number("motor3")] - exact)
 
 

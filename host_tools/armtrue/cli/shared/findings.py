@@ -39,13 +39,9 @@ _LEGEND = (
 def _runs(numbers: list[int]) -> str:
     """`1, 3–5` for 1, 3, 4, 5."""
     words: list[str] = []
-    first = 0
-    for at, number in enumerate(numbers):
-        if at + 1 < len(numbers) and numbers[at + 1] == number + 1:
-            continue
-        run = numbers[first : at + 1]
+    for _, group in itertools.groupby(enumerate(numbers), key=lambda place: place[1] - place[0]):
+        run = [number for _, number in group]
         words += [f"{run[0]}–{run[-1]}"] if len(run) > 2 else map(str, run)
-        first = at + 1
     return ", ".join(words)
 
 
@@ -62,16 +58,14 @@ def present_diagnosis(
     output.say(floor_words(result))
     _present_structure(result.get("unexplained", []), output)
     _present_candidates(result, output)
-    if result.get("untestable"):
-        output.title("Not testable with what was recorded")
-        output.items(
-            [f"{entry['effect']} needs {needs_words(entry['needs'])}" for entry in result["untestable"]]
-        )
+    untestable = [
+        f"{entry['effect']} needs {needs_words(entry['needs'])}" for entry in result.get("untestable", [])
+    ]
+    output.items(untestable, "Not testable with what was recorded")
     advice = result.get("advice", [])
     # Untestable effects are already listed above.
-    if sentences := [line for line in advice if _COMMAND not in line and not line.startswith("not testable")]:
-        output.title("Advice")
-        output.items([with_signs(sentence) for sentence in sentences])
+    sentences = [line for line in advice if _COMMAND not in line and not line.startswith("not testable")]
+    output.items([with_signs(sentence) for sentence in sentences], "Advice")
     if commands := _next_commands(advice, fit_file, data):
         output.title("Next")
         for command in commands:
@@ -82,16 +76,12 @@ def present_added(result: dict[str, Any], output: Output) -> None:
     """Print how probable each effect is that a refinement added."""
     effects = result["effects"]
     lines = [
-        f"{name(entry)}: {chance(entry['probability'])}{_in_brackets(entry.get('why'))}"
+        f"{name(entry)}: {chance(entry['probability'])}" + (f" ({entry['why']})" if entry.get("why") else "")
         for entry in effects
         if "probability" in entry
     ]
-    if lines:
-        output.title("Added, with the probability that the arm has it")
-        output.items(lines)
-    if doubts := _perhaps_of_the_arm(result["steps"], effects):
-        output.title("The instrument or the arm?")
-        output.items(doubts)
+    output.items(lines, "Added, with the probability that the arm has it")
+    output.items(_perhaps_of_the_arm(result["steps"], effects), "The instrument or the arm?")
 
 
 def _perhaps_of_the_arm(steps: list[dict[str, Any]], effects: list[dict[str, Any]]) -> list[str]:
@@ -137,10 +127,6 @@ def following(fit_file: Path) -> Path:
     return next(file for file in files if not file.exists())
 
 
-def _in_brackets(reason: str | None) -> str:
-    return f" ({reason})" if reason else ""
-
-
 def floor_words(result: dict[str, Any]) -> str:
     """The noise floor of a diagnosis and its source, as text."""
     floor, source = result.get("noise_floor_um"), result.get("noise_floor_source", "none")
@@ -170,53 +156,43 @@ def _present_candidates(result: dict[str, Any], output: Output) -> None:
         output.say(line)
     for candidate in candidates:
         if candidate["recommend"]:
-            output.title(f"Recommended: {name(candidate)}")
-            output.items([why_words(candidate), *parameter_lines(candidate["parameters"])])
+            reasons = [why_words(candidate), *parameter_lines(candidate["parameters"])]
+            output.items(reasons, f"Recommended: {name(candidate)}")
             others = [name(other) for other in of_other_sensors(candidate, tried)]
             warmed = [OTHER_SENSOR_ADVICE] if others else []
             others += [name(entry_of(rival)) for rival in candidate["confounded_with"]]
             if others:
                 output.items([f"at least 90 % of it is also explained by: {'; '.join(others)}", *warmed])
     likely: list[int] = []
-    reasons: dict[str, list[int]] = {}
+    unlikely: dict[str, list[int]] = {}
     for rank, candidate in enumerate(candidates, start=1):
         if candidate["recommend"]:
             continue
         if candidate["probability"] > _MORE_LIKELY_THAN_NOT:
             likely.append(rank)
         else:
-            reasons.setdefault(why_words(candidate), []).append(rank)
+            unlikely.setdefault(why_words(candidate), []).append(rank)
     if likely:
-        output.title("Probably also missing")
-        output.items(
-            [
-                f"{_runs(likely)}: probability above 50 %; armtrue refine adds those that lower the held-out error"
-            ]
-        )
-    if reasons:
-        output.title("Not recommended")
-        output.items([f"{_runs(ranks)}: {why}" for why, ranks in reasons.items()])
+        words = "probability above 50 %; armtrue refine adds those that lower the held-out error"
+        output.items([f"{_runs(likely)}: {words}"], "Probably also missing")
+    output.items([f"{_runs(ranks)}: {why}" for why, ranks in unlikely.items()], "Not recommended")
 
 
 def _candidate_table(candidates: list[dict[str, Any]]) -> Table:
     table = plain_table("", "candidate", "probability", "explains", "separable", "error if\nadded [µm]", "")
     table.columns[1].justify = "left"
     for rank, candidate in enumerate(candidates, start=1):
+        after = candidate["held_out_mean_um_if_added"]
         table.add_row(
             f"{rank:>2}",
             name(candidate),
             chance(candidate["probability"]),
             f"{100 * candidate['explained']:.1f} %",
             f"{100 * candidate['separability']:.1f} %",
-            _if_added(candidate),
+            NOT_SCORED if after is None else f"≈ {after:.1f}",
             "★" if candidate["recommend"] else "",
         )
     return table
-
-
-def _if_added(candidate: dict[str, Any]) -> str:
-    after = candidate["held_out_mean_um_if_added"]
-    return NOT_SCORED if after is None else f"≈ {after:.1f}"
 
 
 def _present_structure(findings: list[dict[str, Any]], output: Output) -> None:
@@ -230,6 +206,4 @@ def _present_structure(findings: list[dict[str, Any]], output: Output) -> None:
             (finding["variable"], joints),
             f"depends on {variable}{where}: {with_signs(finding['shape'])} (log10 p {finding['log10_p']:.1f})",
         )
-    if lines:
-        output.title("Left over")
-        output.items(list(lines.values()))
+    output.items(list(lines.values()), "Left over")

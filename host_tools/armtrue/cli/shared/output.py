@@ -12,7 +12,7 @@ from typing import Any
 
 from rich.cells import cell_len
 from rich.console import Console
-from rich.progress import BarColumn, Progress, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, Task, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -63,13 +63,16 @@ class Output:
         """Print a heading for people."""
         self.console.print(f"\n{text}", style="bold")
 
-    def items(self, lines: list[str]) -> None:
-        """Print sentences as a list, long ones with their continuation indented."""
+    def items(self, lines: list[str], title: str = "") -> None:
+        """Print sentences as a list below their title, long ones with their continuation indented."""
+        if not lines:
+            return
+        if title:
+            self.title(title)
         grid = Table.grid(padding=(0, 1))
         for line in lines:
             grid.add_row("  ·", line)
-        if lines:
-            self.console.print(grid)
+        self.console.print(grid)
 
     def fields(self, pairs: list[tuple[str, str]]) -> None:
         """Print names and their values, in two columns."""
@@ -96,9 +99,9 @@ class Output:
             write_file(Path(self._json_to), text)
 
 
-def plain_table(*headers: str, title: str | None = None) -> Table:
+def plain_table(*headers: str) -> Table:
     """A table with text in the first column and figures in the others."""
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
+    table = Table(box=None, pad_edge=False, header_style="bold")
     for number, header in enumerate(headers):
         table.add_column(header, justify="left" if number == 0 else "right", no_wrap=number > 0)
     return table
@@ -139,9 +142,9 @@ def waiting(output: Output) -> Iterator[progress_protocol.Progress]:
     The bar is on stderr if `output` does not go to a terminal.
     """
     bar = Progress(
-        TextColumn("{task.description}"),
+        "{task.description}",
         BarColumn(_BAR_WIDTH),
-        TextColumn("{task.percentage:.0f} %"),
+        "{task.percentage:.0f} %",
         TimeElapsedColumn(),
         _Remaining(),
         # One console for both, so that a line printed meanwhile goes above the bar and not into it.

@@ -2,8 +2,8 @@ import math
 
 import pytest
 
+from armtrue.cli.fitting import present_parameters
 from armtrue.cli.shared.output import Output
-from armtrue.cli.shared.parameters import present_parameters
 from armtrue.notebook import nominal_value, nominal_words
 
 MDH = {

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from armtrue.cli.diagnosis import Waterfall
 from armtrue.cli.shared.output import Output
-from armtrue.cli.shared.waterfall import Waterfall
 
 
 def step(
