@@ -19,9 +19,8 @@ from armtrue.workbench.showing.beside import planned_between
 from armtrue.workbench.showing.further import Result, rows_between
 from armtrue.workbench.showing.left_out import error_there, said_there
 from armtrue.workbench.showing.measured_again import compared, joined
-from armtrue.workbench.showing.names import change_words
 from armtrue.workbench.showing.poses import planned
-from armtrue.workbench.showing.words import fall_words, first_words, length, rows_words
+from armtrue.workbench.showing.words import change_words, fall_words, first_words, length, rows_words
 
 if TYPE_CHECKING:
     from armtrue.workbench.engine import Engine

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from armtrue import comparing
+from armtrue.candidates import label as called
 from armtrue.candidates import model_entry
+from armtrue.candidates import name as named
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.progress import Progress
@@ -17,7 +19,6 @@ from armtrue.verdicts import chance
 from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.elements import button, card, number_of
 from armtrue.workbench.showing.further import Result
-from armtrue.workbench.showing.names import called, named
 from armtrue.workbench.showing.poses import planned
 from armtrue.workbench.showing.words import length
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from armtrue import sketching
+from armtrue.candidates import label as called
 from armtrue.candidates import model_entry
+from armtrue.candidates import name as named
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import EffectInfo, catalogue
 from armtrue.report.content import added_variable
@@ -19,7 +21,6 @@ from armtrue.verdicts import chance, why_words
 from armtrue.workbench.actions import candidates_of
 from armtrue.workbench.session import Session
 from armtrue.workbench.showing import elements
-from armtrue.workbench.showing.names import called, named
 
 _NEIGHBOURS = 3
 

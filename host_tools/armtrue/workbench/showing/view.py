@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 
 from armtrue.candidates import entry_of
+from armtrue.candidates import name as named
 from armtrue.checking import warnings_of_fit
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
@@ -36,7 +37,6 @@ from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.elements import button
 from armtrue.workbench.showing.further import leave_out_form
 from armtrue.workbench.showing.left_out import left_out_part, left_out_row
-from armtrue.workbench.showing.names import named
 from armtrue.workbench.showing.words import length
 
 _SPLITS = {"random": "at random", "region": "by region", "time": "by time"}

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from armtrue import candidates
-from armtrue.workbench.showing.names import called, named
+from armtrue.candidates import label as called
+from armtrue.candidates import name as named
 
 
 @pytest.mark.parametrize(
