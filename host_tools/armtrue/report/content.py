@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from armtrue import _core
 from armtrue.arrays import Array
+from armtrue.candidates import name as called
 from armtrue.diagnosis import diagnose
 from armtrue.fitting import Fit
 from armtrue.progress import Progress
@@ -29,7 +30,6 @@ from armtrue.report.gathered.state import (
 )
 from armtrue.report.gathered.steps import Step, check_same_data, steps_of, titles_of
 from armtrue.report.gathered.structure import Finding, findings_of
-from armtrue.report.names import called
 
 _LEADING = 3
 _NOTHING = 1e-9  # rounding error, as a share of the largest reading
@@ -155,21 +155,20 @@ def gather(
     InputError where measurements are gone or changed, or where the fits are not of the same ones.
     """
     check_same_data(fits)
-    steps = steps_of(_with_steps_between(fits, titles_of(fits, names)))
+    titles = titles_of(fits, names)
+    shown: list[tuple[Fit, str | None]] = [(fits[0], titles[0])]
+    for (before, after), title in zip(pairwise(fits), titles[1:], strict=True):
+        shown += [*((fit, None) for fit in between(before, after)), (after, title)]
+    steps = steps_of(shown)
     of_given = iter([*known, *[None] * len(fits)])
-    results = [next(of_given) if step.given else None for step in steps]
     last = steps[-1].fit
     along = directions(last)
-    return Report(
-        steps,
-        variables(last),
-        along,
-        [
-            _diagnosed(step, result, along, progress, between=step not in (steps[0], steps[-1]))
-            for step, result in zip(steps, results, strict=True)
-        ],
-        tiny_levers(last),
-    )
+    diagnoses = []
+    for step in steps:
+        known_of_step = next(of_given) if step.given else None
+        inner = step not in (steps[0], steps[-1])
+        diagnoses.append(_diagnosed(step, known_of_step, along, progress, inner))
+    return Report(steps, variables(last), along, diagnoses, tiny_levers(last))
 
 
 def shown_again(fits: list[Fit], names: list[str], results: list[dict[str, Any]]) -> Report:
@@ -189,13 +188,6 @@ def added_variable(fit: Fit, candidate: dict[str, Any]) -> AddedVariable | None:
     """The added-variable plot of a candidate of `fit`; None where its fit would take too long."""
     (step,) = steps_of([(fit, "")])
     return _added_variable(step, candidate)
-
-
-def _with_steps_between(fits: list[Fit], titles: list[str]) -> list[tuple[Fit, str | None]]:
-    result: list[tuple[Fit, str | None]] = [(fits[0], titles[0])]
-    for (before, after), title in zip(pairwise(fits), titles[1:], strict=True):
-        result += [*((fit, None) for fit in between(before, after)), (after, title)]
-    return result
 
 
 def _diagnosed(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from importlib.resources import files
 
+from armtrue.candidates import name as called
 from armtrue.report.content import Report
 from armtrue.report.gathered.steps import floor_source
-from armtrue.report.markup import Content, Markup, html_page, join, tag
-from armtrue.report.names import called
+from armtrue.report.markup import Content, Markup, join, tag
 from armtrue.report.parts import micrometres, scored_um
 from armtrue.report.sections.data_sections import (
     about_section,
@@ -70,8 +70,16 @@ def page(report: Report) -> str:
 
 def document(title: str, *content: Content) -> str:
     """An HTML document of parts of the report, with their style and script inside it."""
+    head = tag(
+        "head",
+        tag("meta", charset="utf-8"),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("meta", name="color-scheme", content="light dark"),
+        tag("title", title),
+        tag("style", _file("style.css")),
+    )
     body = tag("body", *content, tag("script", _file("geometry.js"), _file("viewer.js")))
-    return html_page(title, tag("style", _file("style.css")), body)
+    return f"<!doctype html>\n{tag('html', head, body, lang='en')}\n"
 
 
 def _summary(report: Report, robot: str) -> Content:

@@ -17,7 +17,6 @@ from armtrue.io.rotation import matrix_about
 from armtrue.report.gathered.state import Variable, variables
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import fixed
-from armtrue.report.pictures.arm import typical_pose
 from armtrue.tables.chain import Chain, chain_from_robot
 from armtrue.units import plural
 
@@ -49,6 +48,12 @@ class Sweep:
     values: Array
     moves: dict[str, Array]
     document: dict[str, Any]
+
+
+def typical_pose(joints: Array) -> int:
+    """The row of joints (N, n) that is nearest to the median of all."""
+    spread = np.maximum(np.ptp(joints, axis=0), 1e-9)
+    return int(np.argmin(np.sum(((joints - np.median(joints, axis=0)) / spread) ** 2, axis=1)))
 
 
 def effect_picture(fit: Fit, candidate: dict[str, Any], sweep: Sweep) -> tuple[Markup, str]:

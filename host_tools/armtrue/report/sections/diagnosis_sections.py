@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from armtrue.candidates import parameter_lines
+from armtrue.candidates import entry_of, parameter_lines
+from armtrue.candidates import name as called
 from armtrue.report.content import Report, StepDiagnosis
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.names import bracketed, called
 from armtrue.report.parts import (
     figure,
     fixed,
@@ -144,7 +144,7 @@ def _ambiguity(candidates: list[dict[str, Any]]) -> Markup | None:
         return None
     others = [called(other) for other in of_other_sensors(best, candidates)]
     warmed = f" {OTHER_SENSOR_ADVICE}" if others else ""
-    others += [bracketed(label) for label in best["confounded_with"]]
+    others += [called(entry_of(label)) for label in best["confounded_with"]]
     if not others:
         return tag("p", "Nothing else explains nearly as much as ", tag("strong", called(best)), ".")
     return tag(

@@ -6,12 +6,12 @@ from itertools import pairwise
 from typing import Any
 
 from armtrue import sketching
+from armtrue.candidates import name as called
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import EffectInfo, catalogue
 from armtrue.report.content import Report, StepDiagnosis
 from armtrue.report.gathered.steps import effects_of
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.names import called
 from armtrue.report.parts import lead, section, typeset
 from armtrue.report.pictures.effect_picture import Sweep, effect_picture, effect_sweep
 from armtrue.verdicts import why_words
