@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armtrue.arrays import Array
+from armtrue.arrays import Array, rigid_motion
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, fingerprint
 from armtrue.io import Dataset
@@ -96,13 +96,14 @@ def compare(fit: Fit, data: Dataset) -> Comparison:
     figures = error_figures(apart_um)
     worst = np.argsort(apart_um)[::-1][:_WORST_ROWS]
     worse = figures["mean_um"] > limit
-    moved = float(_moved_frame_um(data.positions_m, predicted).mean()) if worse and poses > 3 else math.inf
-    elsewhere = moved if moved <= limit else None
-    extrapolated = ""
+    elsewhere, extrapolated = None, ""
     if worse:
         extrapolated, of_the_fit = _extrapolated(fit, data, figures["mean_um"])
-        if of_the_fit:
-            elsewhere = None
+        if poses > 3 and not of_the_fit:
+            motion = rigid_motion(data.positions_m, predicted)
+            moved = data.positions_m @ motion[:3, :3].T + motion[:3, 3]
+            moved_um = float(1e6 * np.linalg.norm(moved - predicted, axis=1).mean())
+            elsewhere = moved_um if moved_um <= limit else None
     return Comparison(
         {
             "error": figures,
@@ -246,12 +247,3 @@ def error_figures(apart_um: Array) -> dict[str, float]:
         "max_um": float(apart_um.max()),
         "n": len(apart_um),
     }
-
-
-def _moved_frame_um(measured: Array, predicted: Array) -> Array:
-    """Distances [µm] after a rigid motion brought `measured` onto `predicted`."""
-    middle, target = measured.mean(axis=0), predicted.mean(axis=0)
-    u, _, vt = np.linalg.svd((measured - middle).T @ (predicted - target))
-    rotation = (u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt).T
-    moved = (measured - middle) @ rotation.T + target
-    return np.asarray(1e6 * np.linalg.norm(moved - predicted, axis=1))

@@ -16,7 +16,7 @@ import numpy as np
 from armtrue.checking import hypotheses, lengths
 from armtrue.checking.alignment import NOMINAL_ERROR_PER_REACH, Columns, align, thinned
 from armtrue.checking.hypotheses import Hypothesis
-from armtrue.checking.moved.geometry import Geometry, fit_geometry
+from armtrue.checking.moved.geometry import Geometry
 from armtrue.checking.placement import Reading, lower_bounds
 from armtrue.checking.report import Finding
 from armtrue.io.robot import Robot
@@ -237,7 +237,7 @@ def _findings(best: _Judged, as_well: list[str], start_m: float) -> list[Finding
 def _by_geometry(reading: Reading) -> Geometry | None:
     """Geometry alone fitted to a reading; None if it does not explain the points within the errors that arms have."""
     try:
-        geometry = fit_geometry(thinned(reading.columns, _ROWS_OF_GEOMETRY), reading.robot)
+        geometry = Geometry(thinned(reading.columns, _ROWS_OF_GEOMETRY), reading.robot)
     except (ValueError, np.linalg.LinAlgError):
         return None
     return geometry if geometry.explains else None

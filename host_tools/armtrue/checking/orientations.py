@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from armtrue.arrays import Array
+from armtrue.arrays import Array, nearest_rotation, rigid_motion
 from armtrue.checking.alignment import Columns, align, alignment_columns, evenly, thinned
-from armtrue.checking.moved.geometry import rigid
 from armtrue.checking.report import Finding
 from armtrue.io.columns import POSITION, QUATERNION
 from armtrue.io.dataset import Dataset
@@ -146,7 +145,7 @@ def _nominal(measured: Columns, robot: Robot) -> Array:
     for station in np.unique(measured["station"]):
         rows = measured["station"] == station
         if np.count_nonzero(rows) >= _FEWEST_OF_SET_UP:
-            rotation[rows] = rigid(points[rows], seen[rows])[:3, :3] @ rotation[rows]
+            rotation[rows] = rigid_motion(points[rows], seen[rows])[:3, :3] @ rotation[rows]
     return rotation
 
 
@@ -190,8 +189,7 @@ def _typical_angle(nominal: Array, measured: Array, target: Array) -> float:
     for one in np.unique(target):
         rows = target == one
         relative = np.swapaxes(nominal[rows], 1, 2) @ measured[rows]
-        u, _, vt = np.linalg.svd(relative.sum(axis=0))
-        attitude = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        attitude = nearest_rotation(relative.sum(axis=0))
         cosine = (np.einsum("nij,ij->n", relative, attitude) - 1.0) / 2.0
         angles.append(np.arccos(np.clip(cosine, -1.0, 1.0)))
     return float(np.median(np.concatenate(angles)))

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from armtrue.arrays import rms_length
 from armtrue.checking import directions
 from armtrue.checking.alignment import evenly
 from armtrue.checking.report import Finding
@@ -86,9 +87,7 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
         if _OF_THESE_POSES in sentence
     ]
     repeats_m = repeats_scatter_m(data)
-    findings += sigma.find(
-        data, repeats_m, float(np.sqrt(np.mean(np.sum(geometry.residuals() ** 2, axis=1))))
-    )
+    findings += sigma.find(data, repeats_m, rms_length(geometry.residuals()))
     findings += rounding.find(data, robot, geometry, repeats_m)
     return findings + [
         Finding(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from armtrue.arrays import Array
 from armtrue.checking.alignment import Columns, evenly
-from armtrue.checking.moved.geometry import Geometry, fit_geometry, moved_by, seen_part
+from armtrue.checking.moved.geometry import Geometry, moved_by, seen_part
 from armtrue.checking.moved.structure import span_of_all_else
 from armtrue.checking.report import Finding
 from armtrue.io.columns import commanded_joints
@@ -54,7 +54,7 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> list[Finding]:
     columns = {name: values[chosen] for name, values in measured.items()}
     columns |= {name: few.columns[name] for name in ("nest",) if name in few.columns}
     try:
-        geometry = fit_geometry(columns, robot)
+        geometry = Geometry(columns, robot)
     except ValueError:
         return []
     return [
