@@ -71,7 +71,7 @@ def find(
     """
     reading = Reading(columns, robot.spec)
     search = _Search(reading, robot)
-    start = search.unchanged()[0]
+    start = search.aligned(None)[0]
     if start.rms_m <= start.floor_m / _CONVINCING:
         return []
     far_off = start.rms_m > search.widest_m
@@ -94,22 +94,23 @@ class _Search:
         self._reading = reading
         self._robot = robot
         self.widest_m = NOMINAL_ERROR_PER_REACH * robot.reach_m
-        self._floor_m = _AS_GOOD_AS_NOMINAL * self._robot.reach_m
+        self._floor_m = _AS_GOOD_AS_NOMINAL * robot.reach_m
         self._spread_m = lengths.spread(reading.columns)
-
-    def unchanged(self) -> list[_Judged]:
-        """The unchanged file, and beside it its scale if that explains the points; see `_aligned`."""
-        return self._aligned(None)
 
     def best(self, more: Iterable[Hypothesis]) -> tuple[_Judged, list[str]]:
         """The first hypothesis whose score is within `_AS_WELL` of the lowest (None: no change), and its rivals.
 
         `more`: hypotheses that compete in addition to those about conventions.
         """
-        judged = self.unchanged()
-        judged += [one for hypothesis in more for one in self._aligned(hypothesis)]
+        judged = [one for hypothesis in (None, *more) for one in self.aligned(hypothesis)]
         singles = hypotheses.singles(self._robot)
-        odd_zeros = self._odd_zeros()
+        # For each joint, the offset of its zero, at any angle, with the smallest lower bound on the residual.
+        offsets = {joint: self._best_zero(joint) for joint in hypotheses.joints_with_a_zero(self._robot)}
+        odd_zeros = [
+            hypotheses.zero(joint, degrees, self._robot)
+            for joint, degrees in offsets.items()
+            if abs(degrees) >= _LEAST_ZERO_DEGREES
+        ]
         judged += self._judge([*singles, *odd_zeros], min(one.score for one in judged))
         lowest = min(one.score for one in judged)
         if lowest > self._lowest_score(changes=2):
@@ -132,14 +133,6 @@ class _Search:
             and one.changes == best.changes
             and one.rms_m <= limit
         ][:_MOST_AS_WELL]
-
-    def _odd_zeros(self) -> list[Hypothesis]:
-        """For each joint, the offset of its zero, at any angle, with the smallest lower bound on the residual."""
-        return [
-            hypotheses.zero(joint, degrees, self._robot)
-            for joint in hypotheses.joints_with_a_zero(self._robot)
-            if abs(degrees := self._best_zero(joint)) >= _LEAST_ZERO_DEGREES
-        ]
 
     def _best_zero(self, joint: int) -> float:
         degrees, step = 0.0, _ZERO_STEP_DEGREES
@@ -175,7 +168,7 @@ class _Search:
         for at in sorted(range(len(candidates)), key=charged.__getitem__)[:_MOST_ALIGNED]:
             if charged[at] > _AS_WELL * to_beat:
                 break
-            found[at] = self._aligned(candidates[at])
+            found[at] = self.aligned(candidates[at])
             to_beat = min([to_beat, *(one.score for one in found[at])])
         return [one for at in sorted(found) for one in found[at]]
 
@@ -183,7 +176,7 @@ class _Search:
         reading = self._reading if hypothesis is None else hypothesis.apply(self._reading)
         return Reading(thinned(reading.columns, _ROWS), reading.spec)
 
-    def _aligned(self, hypothesis: Hypothesis | None) -> list[_Judged]:
+    def aligned(self, hypothesis: Hypothesis | None) -> list[_Judged]:
         """`hypothesis` alone, and combined with the scale that the alignment finds if both explain the points.
 
         Alone, its residual is infinite if that scale is beyond `_LARGEST_SCALE_WITHIN`.

@@ -56,10 +56,8 @@ def nearest_unit(columns: Columns, robot: Robot) -> float:
 def true_unit(scale: float, read_as: str = "m") -> str | None:
     """The unit of lengths that come out `scale` times too large when read in `read_as`; None where none is known."""
     size = _UNITS[read_as][0] / scale if read_as in _UNITS else math.inf
-    near = [
-        unit for unit, (own, _) in _UNITS.items() if unit != read_as and abs(own / size - 1.0) < TOLERANCE
-    ]
-    return near[0] if near else None
+    others = (unit for unit in _UNITS if unit != read_as)
+    return next((unit for unit in others if abs(_UNITS[unit][0] / size - 1.0) < TOLERANCE), None)
 
 
 def unit_of_points(scale: float, robot: Robot) -> str | None:
@@ -69,7 +67,9 @@ def unit_of_points(scale: float, robot: Robot) -> str | None:
 
 def words_of_points(scale: float) -> str:
     """The unit, in words, that makes positions `scale` times as large as the arm."""
-    return _words(*_mistaken(scale))
+    true, read = _mistaken(scale)
+    named = _UNITS[true][1] if true else "another unit"
+    return named if read == "m" else f"{named}, read as {_UNITS[read][1]}"
 
 
 def sentence(scale: float, robot: Robot) -> str:
@@ -80,8 +80,11 @@ def sentence(scale: float, robot: Robot) -> str:
             f"measured positions: the lengths in {robot.kinematics_file} look like {words_of_points(1.0 / scale)}"
         )
     true, read = _mistaken(scale)
-    exact = f" = {_ratio(true, read)}" if true and read != "m" else ""
-    words = f"they look like {_words(true, read)}"
+    exact = ""
+    if true and read != "m":
+        factor = _UNITS[read][0] / _UNITS[true][0]
+        exact = f" = {factor:.4g}" if factor > 1.0 else f" = 1/{1.0 / factor:.4g}"
+    words = f"they look like {words_of_points(scale)}"
     if true is None:
         words = f"{robot.kinematics_file} or the instrument's scale is wrong"
     return f"the measured positions are {scale:.5g}{exact} times as large as the arm's kinematics: {words}"
@@ -91,27 +94,14 @@ def remedy(scale: float, robot: Robot) -> str:
     """Sentence on how to correct `scale`."""
     if _arm_is_in_another(scale, robot):
         return f"Write the lengths in {robot.kinematics_file} in metres."
-    true = unit_of_points(scale, robot)
-    return (
-        f"Give x, y, z 'unit: {true}' in a dataset.yaml."
-        if true
-        else f"Compare {robot.kinematics_file} with the arm's data sheet."
-    )
+    if true := unit_of_points(scale, robot):
+        return f"Give x, y, z 'unit: {true}' in a dataset.yaml."
+    return f"Compare {robot.kinematics_file} with the arm's data sheet."
 
 
 def _mistaken(scale: float) -> tuple[str | None, str]:
     """The true unit of lengths that are `scale` times too large (None: unknown), and the unit they were read in."""
     return next(((true, read) for read in _UNITS if (true := true_unit(scale, read))), (None, "m"))
-
-
-def _words(true: str | None, read: str) -> str:
-    named = _UNITS[true][1] if true else "another unit"
-    return named if read == "m" else f"{named}, read as {_UNITS[read][1]}"
-
-
-def _ratio(true: str, read: str) -> str:
-    factor = _UNITS[read][0] / _UNITS[true][0]
-    return f"{factor:.4g}" if factor > 1.0 else f"1/{1.0 / factor:.4g}"
 
 
 def _arm_is_in_another(scale: float, robot: Robot) -> bool:

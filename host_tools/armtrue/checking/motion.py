@@ -135,7 +135,9 @@ def _repeats(data: Dataset) -> Iterator[Finding]:
     if "repeat" in data.columns:
         yield from _repeats_that_differ(data)
     elif again.any():
-        scatter = _scatter(data, pose, again)
+        scatter = ""
+        if data.has_positions:
+            scatter = f" (they scatter by {scatter_m(data.positions_m[again], pose[again]) * 1e6:.1f} µm)"
         count = int((sizes > 1).sum())
         several = f"{plural(count, 'pose')} {'is' if count == 1 else 'are'}"
         yield Finding(
@@ -168,12 +170,6 @@ def _repeats(data: Dataset) -> Iterator[Finding]:
                 "Remove the copies. A fit leaves out those that are equal in every column; others count as "
                 "independent measurements and make its standard deviations too small.",
             )
-
-
-def _scatter(data: Dataset, pose: NDArray[np.int64], again: NDArray[np.bool_]) -> str:
-    if not data.has_positions:
-        return ""
-    return f" (they scatter by {scatter_m(data.positions_m[again], pose[again]) * 1e6:.1f} µm)"
 
 
 def _repeats_that_differ(data: Dataset) -> Iterator[Finding]:

@@ -41,21 +41,19 @@ def find(data: Dataset) -> list[Finding]:
     return [finding for name in _thermometers(data) for finding in _of_column(data, name)]
 
 
-def without_columns(data: Dataset, robot: Robot) -> list[Finding]:
+def without_columns(data: Dataset, robot: Robot) -> Iterator[Finding]:
     """A warning for each sensor of robot.yaml without a column in the file; a note if the file has no such column."""
     columns = _thermometers(data)
-    return [
-        Finding(
-            "sensor_not_recorded",
-            "warning" if columns else "note",
-            f"temperature.sensors of robot.yaml: found '{sensor}', expected a column temp_{sensor} of it in "
-            f"{data.file.name}{did_you_mean(f'temp_{sensor}', columns)}",
-            {"sensor": sensor},
-            "Name the sensor as its column, record it, or take it out of robot.yaml.",
-        )
-        for sensor in robot.sensors
-        if f"temp_{sensor}" not in columns
-    ]
+    for sensor in robot.sensors:
+        if f"temp_{sensor}" not in columns:
+            yield Finding(
+                "sensor_not_recorded",
+                "warning" if columns else "note",
+                f"temperature.sensors of robot.yaml: found '{sensor}', expected a column temp_{sensor} of it in "
+                f"{data.file.name}{did_you_mean(f'temp_{sensor}', columns)}",
+                {"sensor": sensor},
+                "Name the sensor as its column, record it, or take it out of robot.yaml.",
+            )
 
 
 def _thermometers(data: Dataset) -> list[str]:
@@ -78,7 +76,8 @@ def _of_column(data: Dataset, name: str) -> Iterator[Finding]:
         return
     order = np.argsort(data.clock, kind="stable")
     off = np.zeros(data.count, dtype=np.bool_)
-    for value in _alone(distinct):
+    wide = np.diff(distinct, prepend=-np.inf, append=np.inf) >= _APART_K
+    for value in distinct[wide[:-1] & wide[1:]]:
         rows = values == value
         if np.count_nonzero(rows) < 2 and value not in _ERROR_VALUES and not _is_spike(values[order], value):
             continue
@@ -93,12 +92,6 @@ def _of_column(data: Dataset, name: str) -> Iterator[Finding]:
             "these rows: thermal effects are fitted to this column.",
         )
     yield from _still(data, name, order[~off[order]])
-
-
-def _alone(distinct: Array) -> Array:
-    """Those of a column's sorted distinct values that are at least `_APART_K` from all others."""
-    wide = np.diff(distinct, prepend=-np.inf, append=np.inf) >= _APART_K
-    return distinct[wide[:-1] & wide[1:]]
 
 
 def _is_spike(values: Array, value: float) -> bool:

@@ -11,7 +11,7 @@ from armtrue.checking.run import NO_ARM
 from armtrue.errors import InputError
 from armtrue.io import Dataset, Robot
 from armtrue.io.columns import POSITION, commanded_joints
-from armtrue.io.dataset import fixed_targets, without_fixed_targets
+from armtrue.io.dataset import without_fixed_targets
 from armtrue.report.markup import Markup, tag
 from armtrue.report.pictures.effect_picture import corners, framed, path, projected
 from armtrue.tables.chain import chain_from_robot, flanges, pose
@@ -25,8 +25,8 @@ def guess_picture(data: Dataset, robot: Robot, findings: list[Finding]) -> Marku
     None where nothing aligns. `findings`: of the check of `data`, so that the caption does not contradict them.
     """
     try:
-        riding = without_fixed_targets(data) if fixed_targets(data) else data
-        joints, points, reached = _lines(thinned(alignment_columns(riding), _MOST), robot)
+        riding = alignment_columns(without_fixed_targets(data))
+        joints, points, reached = _lines(thinned(riding, _MOST), robot)
     except (InputError, ValueError):
         return None
     chain = chain_from_robot(robot.spec)
