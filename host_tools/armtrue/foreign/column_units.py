@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import math
-import re
-from dataclasses import replace
 
 import numpy as np
 
 from armtrue.errors import InputError
 from armtrue.foreign.clocks import read_clock, why_no_clock
 from armtrue.foreign.parts import Part, in_si, point_axis
-from armtrue.foreign.sheets import is_number
 from armtrue.io.columns import UNITS
 
 _FARTHEST_M = 20.0
 # Joints of one pose differ by less, rad or m.
 _SAME_POSE = 1e-3
-_LETTER = re.compile(r"[_ .](f|c)$", re.IGNORECASE)
 
 
 def find_geometry_units(part: Part, prismatic: set[str]) -> None:
@@ -68,19 +64,14 @@ def _drop_numbers_of_repetitions(part: Part) -> None:
 
 def codes_of_words(part: Part) -> None:
     """Replace names of stations and nests by whole numbers from 1; the table must then be written to a new file."""
-    sheet = part.sheet
     for name in ("station", "nest"):
         header = part.meaning.others.get(name)
-        if header is None or all(is_number(cell, sheet.decimal) for cell in sheet.cells(header)):
+        if header is None or part.sheet.is_numeric(header):
             continue
-        words = list(dict.fromkeys(sheet.cells(header)))
-        at = sheet.header.index(header)
-        rows = [[*row[:at], str(1 + words.index(row[at])), *row[at + 1 :]] for row in sheet.rows]
-        part.sheet = replace(sheet, rows=rows, direct=False)
-        sheet = part.sheet
-        part.notes.append(
-            f"{header}: {', '.join(f'{word} is {name} {k}' for k, word in enumerate(words, start=1))}"
-        )
+        cells = part.sheet.cells(header)
+        codes = {word: str(k) for k, word in enumerate(dict.fromkeys(cells), start=1)}
+        part.sheet = part.sheet.with_columns({**part.sheet.columns, header: [codes[cell] for cell in cells]})
+        part.notes.append(f"{header}: {', '.join(f'{word} is {name} {k}' for word, k in codes.items())}")
 
 
 def _joint_units(part: Part, prismatic: set[str]) -> None:
@@ -154,18 +145,14 @@ def _rotation_unit(part: Part) -> None:
         return
     part.notes.append(f"{', '.join(headers)}: {_of_each(units)}, as its header says, and written in rad")
     part.units["rotation"] = "rad"
-    rows = [list(row) for row in part.sheet.rows]
-    for header, own in zip(headers, units, strict=True):
-        at = part.sheet.header.index(header)
-        for row, angle in zip(rows, in_si(part.numbers(header), own), strict=True):
-            row[at] = f"{angle:.12g}".replace(".", part.sheet.decimal)
-    part.sheet = replace(part.sheet, rows=rows, direct=False)
+    angles = {h: in_si(part.numbers(h), own) for h, own in zip(headers, units, strict=True)}
+    cells = {header: part.sheet.written(values) for header, values in angles.items()}
+    part.sheet = part.sheet.with_columns({**part.sheet.columns, **cells})
 
 
 def _temperature_unit(part: Part, header: str) -> str:
     """The unit by the letter at the end of the header, else by the size of the values."""
-    letter = _LETTER.search(header)
-    if letter is not None and letter[1].lower() == "f":
+    if header.lower().endswith(("_f", " f", ".f")):
         return "degF"
     return "K" if float(np.median(part.numbers(header))) > 200.0 else "degC"
 
@@ -177,7 +164,7 @@ def find_clock(part: Part) -> None:
         return
     cells = part.sheet.cells(header)
     if len(set(cells)) > 1:
-        part.clock = read_clock(cells, part.sheet.decimal, part.sheet.units.get(header))
+        part.clock = read_clock(part.sheet, header)
     if part.clock is not None:
         part.notes.append(f"{header}: {part.clock.words}")
         return

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armtrue.arrays import Array
-from armtrue.foreign.clocks import is_clock
+from armtrue.foreign.clocks import kind_of_texts
 from armtrue.foreign.sheets import Sheet, is_number, split_unit, to_float
 from armtrue.io.columns import UNITS
 
@@ -219,24 +219,23 @@ def _sensor(sheet: Sheet, name: str, word: str) -> str:
 
 def _clock(sheet: Sheet, names: list[str]) -> str | None:
     """The column of clock times, whatever its header; of several, one whose header has a word for time."""
-    clocks = [name for name in names if is_clock(sheet.cells(name))]
+    clocks = [name for name in names if kind_of_texts(sheet.cells(name))]
     return next((name for name in clocks if _WORDS["time"].search(name)), next(iter(clocks), None))
 
 
 def _take_as_variable(found: Meaning, sheet: Sheet, name: str, word: str) -> None:
     """Take a column outside the contract as a variable under its own name, or note why not."""
-    cells = sheet.cells(name)
     own = re.sub(r"\W+", "_", word, flags=re.ASCII).strip("_")
     own = own if own.isidentifier() else f"column_{own}"
     if _SPREAD.search(word):
         found.left[name] = "it looks like the spread of readings"
     elif _JOINT.match(word) or _AXIS.match(word.replace("_", " ")):
         found.left[name] = "it looks like a joint, a point or an angle beside those that are taken"
-    elif len(set(cells)) < 2:
+    elif len(set(sheet.cells(name))) < 2:
         found.left[name] = "it is the same in all rows"
     elif name.isdigit():
         found.left[name] = "it has no name"
-    elif not all(is_number(cell, sheet.decimal) for cell in cells):
+    elif not sheet.is_numeric(name):
         found.left[name] = "it holds more than numbers"
     elif own in found.variables:
         found.left[name] = f"{own} is taken from {found.variables[own]}"

@@ -40,6 +40,10 @@ from armtrue.units import plural
 _SAME_POSE = 1e-6
 _ROWS = 200
 _NUMBER_OF_JOINT = re.compile(r"(?:q|qr|dir|tau|travel|duty)(\d+)")
+_DH = {
+    "dh": "standard (a, alpha after the rotation)",
+    "mdh": "modified (Craig: before the rotation)",
+}
 _NAMES = ("robot.yaml", "dataset.yaml", "model.yaml", "data.csv")
 
 
@@ -152,22 +156,15 @@ class _Init:
         if dh is not None:
             rows, notes = robots.dh_rows(dh)
             self._guessed.notes += notes
-            texts = {
-                "dh": "standard (a, alpha after the rotation)",
-                "mdh": "modified (Craig: before the rotation)",
-            }
-            return (
-                [
-                    (
-                        _yaml({"name": dh.stem, "kinematics": {"convention": own, "joints": rows}}),
-                        f"{dh.name}: Denavit-Hartenberg, {words}",
-                    )
-                    for own, words in texts.items()
-                ],
-                [],
-                {str(k) for k, row in enumerate(rows, start=1) if row.get("type") == "prismatic"},
-                [],
-            )
+            forms = [
+                (
+                    _yaml({"name": dh.stem, "kinematics": {"convention": own, "joints": rows}}),
+                    f"{dh.name}: Denavit-Hartenberg, {words}",
+                )
+                for own, words in _DH.items()
+            ]
+            slide = {str(k) for k, row in enumerate(rows, start=1) if row.get("type") == "prismatic"}
+            return forms, [], slide, []
         if robot is None:
             raise InputError(
                 "init: found no arm, expected --urdf FILE, --dh TABLE (columns a, alpha, d, theta) or "
@@ -411,7 +408,7 @@ def _direct(part: Part, out: Path) -> dict[str, Any]:
         dataset["header_row"] = sheet.header_row
     if part.clock is not None:
         header = found.others["time"]
-        place, entry = part.clock.entry(header, sheet.cells(header), sheet.decimal)
+        place, entry = part.clock.entry(sheet, header)
         if place == "time":
             del columns["time"]
             dataset["time"] = entry
