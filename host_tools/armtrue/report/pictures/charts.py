@@ -199,13 +199,8 @@ def place_panel(x: Array, y: Array, names: tuple[str, str], description: str) ->
     """Where the reflector was, both axes to one scale."""
     rows = spread_rows(x.size, 2 * DOTS)
     half = 0.55 * max(float(np.ptp(x)), float(np.ptp(y)))
-    panel = Panel(
-        _about(x, half), _about(y, half), f"{names[0]} [m]", f"{names[1]} [m]", description, height=None
-    )
+    middles = [0.5 * (float(values.min()) + float(values.max())) for values in (x, y)]
+    across, up = (Scale(middle - half, middle + half) for middle in middles)
+    panel = Panel(across, up, f"{names[0]} [m]", f"{names[1]} [m]", description, height=None)
     panel.points(x[rows], y[rows], "dots strong-dots")
     return panel.render()
-
-
-def _about(values: Array, half: float) -> Scale:
-    middle = 0.5 * (float(values.min()) + float(values.max()))
-    return Scale(middle - half, middle + half)
