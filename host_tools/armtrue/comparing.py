@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from armtrue.arrays import Array, rigid_motion
 from armtrue.errors import InputError
+from armtrue.extrapolation import is_joint
 from armtrue.fitting import Fit, fingerprint
 from armtrue.io import Dataset
 from armtrue.units import plural
@@ -154,7 +155,7 @@ def _expected(fit: Fit, data: Dataset) -> tuple[str, dict[str, Any], float]:
 
 def _ways_that_apply(fit: Fit, data: Dataset) -> list[str]:
     ways = []
-    joints = [one.rows for one in fit.beyond(data) if one.is_joint]
+    joints = [one.rows for one in fit.beyond(data) if is_joint(one.name)]
     if joints and np.any(joints, axis=0).mean() >= _MOST:
         ways.append("region")
     fitted = fit.document["data"].get("ranges", {}).get("time")
@@ -168,7 +169,7 @@ def _extrapolated(fit: Fit, data: Dataset, mean_um: float) -> tuple[str, bool]:
 
     `mean_um`: the mean error. It is compared with the mean error where the columns are clipped to their fitted ranges.
     """
-    beyond = [one for one in fit.beyond(data) if not one.is_joint]
+    beyond = [one for one in fit.beyond(data) if not is_joint(one.name)]
     if not beyond:
         return "", False
     ranges = fit.document["data"]["ranges"]

@@ -37,13 +37,8 @@ class Sweep:
 def sample_arm() -> dict[str, Any]:
     """A six-axis arm that has all an effect may ask for: masses, gear ratios, thermometers, a parallelogram."""
     rows = [
-        (0.0, 0.0, 0.4),
-        (0.3, -90.0, 0.0),
-        (0.8, 0.0, 0.0),
-        (0.1, -90.0, 0.8),
-        (0.0, 90.0, 0.0),
-        (0.0, -90.0, 0.1),
-    ]
+        (0.0, 0.0, 0.4), (0.3, -90.0, 0.0), (0.8, 0.0, 0.0), (0.1, -90.0, 0.8), (0.0, 90.0, 0.0), (0.0, -90.0, 0.1),
+    ]  # fmt: skip
     joints = [
         {"name": f"A{k}", "type": "revolute", "a": a, "alpha": math.radians(alpha), "d": d, "offset": 0.0,
          "gear_ratio": 100.0, "limits": [-_HALF_TURN, _HALF_TURN]}
@@ -99,10 +94,7 @@ def _terms(info: EffectInfo, joints: list[int], sweep: Sweep) -> dict[str, Any]:
         # Some effects exist on prismatic joints only.
         arm["kinematics"]["joints"][1]["type"] = kind
         try:
-            document: dict[str, Any] = json.loads(
-                _core.effect_terms(json.dumps(arm), _columns(sweep), json.dumps(request))
-            )
-            return document
+            return dict(json.loads(_core.effect_terms(json.dumps(arm), _columns(sweep), json.dumps(request))))
         except _core.ModelError as error:
             refused = str(error)
     raise InputError(refused)
