@@ -125,24 +125,18 @@ class _Search:
     def _rivals(self, best: _Judged, judged: list[_Judged]) -> list[str]:
         """Sentences of other hypotheses with as many changes whose residual is about as small."""
         limit = _AS_WELL * max(best.rms_m, self._floor_m)
-        return [
-            one.hypothesis.sentence
-            for one in judged
-            if one is not best
-            and one.hypothesis is not None
-            and one.changes == best.changes
-            and one.rms_m <= limit
-        ][:_MOST_AS_WELL]
+        others = [
+            one for one in judged if one is not best and one.changes == best.changes and one.rms_m <= limit
+        ]
+        return [one.hypothesis.sentence for one in others if one.hypothesis is not None][:_MOST_AS_WELL]
 
     def _best_zero(self, joint: int) -> float:
         degrees, step = 0.0, _ZERO_STEP_DEGREES
         around = np.arange(-12, 12)
         while step > _ZERO_STEP_DEGREES / 1000.0:
             tried = [degrees + step * int(count) for count in around]
-            bounds = lower_bounds(
-                [self._sample(hypotheses.zero(joint, angle, self._robot)) for angle in tried]
-            )
-            degrees = tried[int(np.argmin(bounds))]
+            zeros = [hypotheses.zero(joint, angle, self._robot) for angle in tried]
+            degrees = tried[int(np.argmin(lower_bounds([*map(self._sample, zeros)])))]
             step, around = step / 4.0, np.arange(-4, 5)
         return degrees
 
@@ -209,11 +203,8 @@ def _findings(best: _Judged, as_well: list[str], start_m: float) -> list[Finding
     before = f"{start_m * 1000:.1f} mm RMS remain" if np.isfinite(start_m) else "no base and tool fit"
     so = "with this correction" if len(parts) == 1 else "with all corrections found here"
     figures = f"with nominal kinematics and the files as they are {before}, {best.rms_m * 1000:.2f} mm {so}"
-    evidence = {
-        "rms_m": start_m if np.isfinite(start_m) else None,
-        "rms_m_if_changed": best.rms_m,
-        "as_well": as_well,
-    }
+    rms_m = start_m if np.isfinite(start_m) else None
+    evidence = {"rms_m": rms_m, "rms_m_if_changed": best.rms_m, "as_well": as_well}
     words = f" (or {'; or '.join(as_well)})" if as_well else ""
     return [
         Finding(

@@ -55,15 +55,14 @@ def _out_of_limits(data: Dataset, robot: Robot) -> Iterator[Finding]:
             continue
         lo, hi = joint["limits"]
         # The limits of a passive joint apply to the angle that the couplings give it.
-        values = (
-            (data.joints @ robot.mechanical_coupling[k - 1]) if k in robot.passive else data.columns[f"q{k}"]
-        )
+        passive = k in robot.passive
+        values = data.joints @ robot.mechanical_coupling[k - 1] if passive else data.columns[f"q{k}"]
         # A thousandth of the range: limits in robot files are rounded.
         slack = 1e-3 * (hi - lo)
         outside = (values < lo - slack) | (values > hi + slack)
         if outside.any():
             furthest = float(np.max(np.maximum(lo - values, values - hi)))
-            done = "turned" if k in robot.passive else "commanded"
+            done = "turned" if passive else "commanded"
             yield Finding(
                 "out_of_limits",
                 "warning",
@@ -157,11 +156,9 @@ def _repeats(data: Dataset) -> Iterator[Finding]:
         _, row_of, counts = np.unique(whole, axis=0, return_inverse=True, return_counts=True)
         copies = counts[row_of] > 1
         if copies.any():
-            same = (
-                "rows equal in every column"
-                if is_rounded
-                else "the same joints and the same position to the nanometre"
-            )
+            same = "the same joints and the same position to the nanometre"
+            if is_rounded:
+                same = "rows equal in every column"
             yield Finding(
                 "duplicate_rows",
                 "warning",

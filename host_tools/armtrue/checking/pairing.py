@@ -243,10 +243,10 @@ def _shifts(data: Dataset, placed: _Placed) -> Iterator[tuple[Finding, Mask]]:
 def _shift(data: Dataset, placed: _Placed, lag: int, inside: Mask, where: str) -> Finding:
     """`where`: its rows in words."""
     first, last = (int(row) for row in data.rows[inside][[0, -1]])
-    far = f"{plural(abs(lag), 'row')} further {'down' if lag > 0 else 'up'}"
+    by = plural(abs(lag), "row")
+    far = f"{by} further {'down' if lag > 0 else 'up'}"
     whose = {1: "of the next row", -1: "of the row before"}.get(lag, far)
     figures = _figures(placed.own[inside], placed.shifted[lag][inside])
-    by = plural(abs(lag), "row")
     if lag > 0:
         cause = "as if the tracker had lost a reading and the next ones had moved up"
         remedy = (

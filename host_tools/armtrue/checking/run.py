@@ -47,16 +47,11 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
     findings = cheap_findings(data, robot)
     data = data.take(~data.lost)
     findings += drift.find(data) if data.count else []
-    if _has_all_coordinates(data) and not any(
-        finding.code in NO_ARM and finding.severity == "error" for finding in findings
-    ):
+    hopeless = any(finding.code in NO_ARM and finding.severity == "error" for finding in findings)
+    if _has_all_coordinates(data) and not hopeless:
         riding = without_fixed_targets(data)
-        named = [
-            row
-            for finding in findings
-            if finding.code in pairing.CODES
-            for row in finding.evidence.get("rows", [])
-        ]
+        of_pairing = [finding.evidence for finding in findings if finding.code in pairing.CODES]
+        named = [row for evidence in of_pairing for row in evidence.get("rows", [])]
         riding = riding.take(~np.isin(riding.rows, named))
         riding = replace(riding, columns=units.in_si_units(riding.columns, robot))
         alignment = align(alignment_columns(riding), robot)

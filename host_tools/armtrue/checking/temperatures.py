@@ -115,7 +115,9 @@ def _still(data: Dataset, name: str, order: NDArray[np.intp]) -> Iterator[Findin
     if time[last] <= time[first] or not (is_fine or _leaps(steps, elsewhere, time, first, last)):
         return
     stretch = order[first : last + 1]
-    took = f", {_duration(float(time[last] - time[first]))}" if "time" in data.columns else ""
+    seconds = float(time[last] - time[first])
+    took = f", {seconds / 3600.0:.1f} h" if seconds >= 7200.0 else f", {seconds / 60.0:.0f} min"
+    took = took if "time" in data.columns else ""
     rows = f"row {data.rows[stretch[0]]} to row {data.rows[stretch[-1]]}"
     yield Finding(
         "temperature_stands",
@@ -147,12 +149,7 @@ def _leaps(steps: Array, elsewhere: Array, time: Array, first: int, last: int) -
 
 def _others(data: Dataset, name: str, stretch: NDArray[np.intp]) -> str:
     """How much the other thermometers changed during the stretch, in words."""
-    spans = {
-        other: float(np.ptp(data.columns[other][stretch])) for other in _thermometers(data) if other != name
-    }
+    others = (other for other in _thermometers(data) if other != name)
+    spans = {other: float(np.ptp(data.columns[other][stretch])) for other in others}
     told = [f"{other} changed by {span:.1f} K" for other, span in spans.items() if span >= _TOLD_K]
     return f", while {' and '.join(told)}" if told else ""
-
-
-def _duration(seconds: float) -> str:
-    return f"{seconds / 3600.0:.1f} h" if seconds >= 7200.0 else f"{seconds / 60.0:.0f} min"
