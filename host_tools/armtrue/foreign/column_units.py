@@ -83,18 +83,15 @@ def _joint_units(part: Part, prismatic: set[str]) -> None:
         ("angle", "rad", "deg", 2.2 * math.pi),
         ("length", "m", "mm", _FARTHEST_M),
     ):
-        joints = {
-            name: header
-            for name, header in part.meaning.joints.items()
-            if (name.lstrip("qr") in prismatic) == (kind == "length")
-        }
+        all_joints, slides = part.meaning.joints.items(), kind == "length"
+        joints = {name: header for name, header in all_joints if (name.lstrip("qr") in prismatic) == slides}
         if not joints:
             continue
         largest = max(float(np.abs(part.numbers(header)).max()) for header in joints.values())
         stated = {name: part.sheet.units[h] for name, h in joints.items() if h in part.sheet.units}
         for name, unit in stated.items():
             if UNITS[unit][0] != kind:
-                moves = "turns" if kind == "angle" else "slides"
+                moves = "slides" if slides else "turns"
                 raise InputError(
                     f"{part.sheet.path} header: found column '{joints[name]}' in {unit}, expected a unit of {kind}, as "
                     f"joint {name.lstrip('qr')} of the arm {moves} (columns in the order of the arm's joints)"
@@ -102,9 +99,8 @@ def _joint_units(part: Part, prismatic: set[str]) -> None:
         unit = next(iter(stated.values()), foreign if largest > largest_default else default)
         part.units |= dict.fromkeys(joints, unit) | stated
         units = ", ".join(dict.fromkeys(part.units[name] for name in joints))
-        words = ", ".join(joints.values())
         why = _source(part, list(joints.values()), f"the largest is {largest:.4g}")
-        part.notes.append(f"{words}: joints in {units}, {why}")
+        part.notes.append(f"{', '.join(joints.values())}: joints in {units}, {why}")
 
 
 def _source(part: Part, headers: list[str], otherwise: str) -> str:

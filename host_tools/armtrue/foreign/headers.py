@@ -154,10 +154,9 @@ def _take(found: Meaning, sheet: Sheet, name: str, word: str) -> None:
     if why := _why_left(sheet, name, word):
         found.left[name] = why
         return
-    sensor = _sensor(sheet, name, word)
-    own = (
-        f"temp_{sensor}" if sensor else next((own for own, words in _WORDS.items() if words.search(word)), "")
-    )
+    own = next((own for own, words in _WORDS.items() if words.search(word)), "")
+    if sensor := _sensor(sheet, name, word):
+        own = f"temp_{sensor}"
     if own == "target" and 2 * len(set(sheet.cells(name))) > len(sheet.rows):
         found.key = found.key or name
         found.left[name] = "it names single points, which is used to match files"
@@ -297,11 +296,12 @@ def _longest_run(sets: list[dict[int, str]], wanted: int) -> list[str]:
 
 def _figures(sheet: Sheet, names: list[str]) -> Array:
     """Columns as numbers (N,) or (N, k), NaN where a cell holds none."""
-    rows = zip(*(sheet.cells(name) for name in names), strict=True)
-    figures = np.array(
-        [[to_float(c, sheet.decimal) if is_number(c, sheet.decimal) else np.nan for c in row] for row in rows]
-    )
-    return figures[:, 0] if len(names) == 1 else figures
+
+    def figure(cell: str) -> float:
+        return to_float(cell, sheet.decimal) if is_number(cell, sheet.decimal) else np.nan
+
+    figures = np.array([[figure(cell) for cell in sheet.cells(name)] for name in names])
+    return figures[0] if len(names) == 1 else figures.T
 
 
 def _of_unit_length(sheet: Sheet, names: list[str]) -> bool:
@@ -322,17 +322,15 @@ def _rotations(sheet: Sheet, plain: dict[str, str]) -> dict[str, list[str]]:
             whose = word[:at].rstrip("_ .")
             begins = at == 0 or (word[at - 1] in "_ ." and (len(word) - at > 1 or _WHOSE.fullmatch(whose)))
             if begins and word[at:].lower() in parts:
-                words.setdefault(" ".join(whose.replace("_", " ").split()), {}).setdefault(
-                    word[at:].lower(), name
-                )
+                owner = " ".join(whose.replace("_", " ").split())
+                words.setdefault(owner, {}).setdefault(word[at:].lower(), name)
                 break
     found: dict[str, list[str]] = {}
     for whose, own in words.items():
         for group in (*_MATRICES, *_QUATERNIONS, *_ANGLES):
             headers = [own[part] for part in group if part in own]
-            if len(headers) == len(group) and (
-                group[0] not in ("q0", "q1") or _of_unit_length(sheet, headers)
-            ):
+            like_joints = group[0] in ("q0", "q1")
+            if len(headers) == len(group) and (not like_joints or _of_unit_length(sheet, headers)):
                 found[whose] = headers
                 break
     return found

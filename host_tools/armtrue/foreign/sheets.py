@@ -243,10 +243,8 @@ def _without_thousands(cells: list[list[str]], separator: str) -> list[list[str]
     """
     flat = [cell for row in cells for cell in row]
     for mark, pattern in _THOUSANDS.items():
-        sure = any(
-            pattern.match(cell) and (separator == mark or ("." in cell and "," in cell)) for cell in flat
-        )
-        if sure:
+        marked = [cell for cell in flat if pattern.match(cell)]
+        if any(separator == mark or ("." in cell and "," in cell) for cell in marked):
             return [
                 [cell.replace(mark, "") if pattern.match(cell) else cell for cell in row] for row in cells
             ]
@@ -377,22 +375,13 @@ def _workbook(path: Path) -> list[list[str]]:
     try:
         import openpyxl
     except ImportError:
-        raise InputError(
-            f"{path}: found an XLSX, expected openpyxl to read it with: pip install openpyxl, "
-            "or export the sheet as CSV"
-        ) from None
+        how = "pip install openpyxl, or export the sheet as CSV"
+        raise InputError(f"{path}: found an XLSX, expected openpyxl to read it with: {how}") from None
     read_bytes(path, largest_bytes=LARGEST_TEXT_BYTES)
     try:
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
-        sheets = {
-            sheet.title: [
-                ["" if cell is None else str(cell) for cell in row]
-                for row in sheet.iter_rows(values_only=True)
-            ]
-            for sheet in book.worksheets
-        }
+        sheets = [list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets]
     except Exception as error:
         raise InputError(f"{path}: cannot be read as an XLSX ({error})") from None
-    filled = {title: [row for row in rows if any(row)] for title, rows in sheets.items()}
-    best = max(filled, key=lambda title: len(filled[title]))
-    return filled[best] or [[""]]
+    texts = [[["" if cell is None else str(cell) for cell in row] for row in rows] for rows in sheets]
+    return max(([row for row in rows if any(row)] for rows in texts), key=len) or [[""]]
