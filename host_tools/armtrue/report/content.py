@@ -196,9 +196,9 @@ def _diagnosed(
     """A diagnosis with added variables of its leading candidates; if `between`, only of those that it recommends."""
     shown = _shown(step, known or diagnose(step.fit, progress), along)
     result = shown.result
-    leading = (
-        [c for c in result["candidates"] if c["recommend"]] if between else result["candidates"][:_LEADING]
-    )
+    leading = result["candidates"][:_LEADING]
+    if between:
+        leading = [candidate for candidate in result["candidates"] if candidate["recommend"]]
     plots = [(called(candidate), _added_variable(step, candidate)) for candidate in leading]
     drawn = [plot for _, plot in plots if plot is not None]
     not_drawn = [name for name, plot in plots if plot is None]
@@ -209,9 +209,8 @@ def _shown(step: Step, result: dict[str, Any], along: list[Direction]) -> StepDi
     """A diagnosis with its spectra and findings, and without added variables."""
     joints = step.fit.robot.joints
     readings = {number: _independent(step, number, along) for number in range(1, len(joints) + 1)}
-    return StepDiagnosis(
-        step, result, spectra_of(result, joints, readings), [], [], findings_of(step, result)
-    )
+    spectra = spectra_of(result, joints, readings)
+    return StepDiagnosis(step, result, spectra, [], [], findings_of(step, result))
 
 
 def _independent(step: Step, number: int, along: list[Direction]) -> float:

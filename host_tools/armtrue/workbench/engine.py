@@ -109,9 +109,8 @@ class Engine:
         if self.first_figures is not None:
             return f"{self.shown}/first figures"
         diagnosis = self.session.diagnosis_of(self.session.at)
-        return (
-            f"{self.shown}/{'nothing' if diagnosis is None else 'all' if 'spectra' in diagnosis else 'some'}"
-        )
+        much = "nothing" if diagnosis is None else "all" if "spectra" in diagnosis else "some"
+        return f"{self.shown}/{much}"
 
     def is_at(self, address: str) -> None:
         """Note the address of the page: another workbench that wants an open session names it."""

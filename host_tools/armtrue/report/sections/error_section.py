@@ -58,12 +58,12 @@ def error_section(report: Report) -> Markup:
     axis = tag("div", ticks, unit, class_="waterfall-axis", aria_hidden="true")
     source = floor_source(report.last)
     moves = f" {FLOOR_MOVES}" if report.last.fit.document["noise_floor"]["source"] == "repeats" else ""
-    floor_words = (
-        f"The dashed line is the noise floor of each step, of the last {micrometres(floor)} µm ({source}): what "
-        f"measuring and repeatability alone leave.{moves}"
-        if floor is not None
-        else "The noise floor is not known: nothing was measured twice and no uncertainty is stated."
-    )
+    floor_words = "The noise floor is not known: nothing was measured twice and no uncertainty is stated."
+    if floor is not None:
+        floor_words = (
+            f"The dashed line is the noise floor of each step, of the last {micrometres(floor)} µm ({source}): what "
+            f"measuring and repeatability alone leave.{moves}"
+        )
     means = [bar.held_out["mean_um"] for bar in bars]
     rises = any(after > before for before, after in pairwise(means) if None not in (before, after))
     fitted = None if all(step.given for step in report.steps) else _FITTED_HERE

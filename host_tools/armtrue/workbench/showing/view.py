@@ -179,11 +179,9 @@ def _turns(node: Node) -> Markup | None:
 
 
 def _error_row(name: str, figures: dict[str, float]) -> Markup:
-    cells = (
-        [tag("td", NOT_SCORED, colspan=len(ERROR_FIGURES))]
-        if scored_mean_um(figures) is None
-        else [tag("td", micrometres(figures[key])) for key in ERROR_FIGURES]
-    )
+    cells = [tag("td", NOT_SCORED, colspan=len(ERROR_FIGURES))]
+    if scored_mean_um(figures) is not None:
+        cells = [tag("td", micrometres(figures[key])) for key in ERROR_FIGURES]
     return tag("tr", tag("th", name, scope="row"), cells)
 
 
