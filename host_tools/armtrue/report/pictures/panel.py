@@ -66,11 +66,11 @@ class Panel:
         if np.size(x):
             self._drawn.append(tag("path", class_=kind, d=self._path(x, y)))
 
-    def band(self, x: Array, low: Array, high: Array, kind: str) -> None:
+    def band(self, x: Array, low: Array, high: Array) -> None:
         """The area between two lines."""
         if np.size(x):
             both = self._path(np.concatenate([x, x[::-1]]), np.concatenate([high, low[::-1]]))
-            self._drawn.append(tag("path", class_=kind, d=both + "z"))
+            self._drawn.append(tag("path", class_="spread", d=both + "z"))
 
     def whiskers(self, x: Array, low: Array, high: Array, kind: str) -> None:
         """Vertical strokes."""
@@ -82,7 +82,7 @@ class Panel:
         )
         self._drawn.append(tag("path", class_=kind, d=path))
 
-    def bars(self, edges: Array, heights: Array, kind: str) -> None:
+    def bars(self, edges: Array, heights: Array) -> None:
         """A histogram: bar k stands between edges k and k + 1."""
         floor = float(self._tenths(np.zeros(1) + self._x.low, np.zeros(1))[1][0])
         columns, tops = self._tenths(edges[:-1], heights)
@@ -92,7 +92,7 @@ class Panel:
             for a, b, t in zip(columns.tolist(), ends.tolist(), tops.tolist(), strict=True)
             if t < floor
         )
-        self._drawn.append(tag("path", class_=kind, d=path))
+        self._drawn.append(tag("path", class_="bar", d=path))
 
     def upright(self, x: float, label: str, kind: str = "mark") -> None:
         """A vertical mark with a label at its top."""
