@@ -10,8 +10,9 @@ import numpy as np
 
 from armtrue.arrays import Array
 from armtrue.foreign.clocks import kind_of_texts
-from armtrue.foreign.sheets import Sheet, is_number, split_unit, to_float
+from armtrue.foreign.sheets import Sheet, split_unit, to_float
 from armtrue.io.columns import UNITS
+from armtrue.io.delimited import is_number
 
 _PLANNED = re.compile(r"goal|nominal|nom\b|soll|planned|desired|design", re.IGNORECASE)
 _SPREAD = re.compile(r"std|sigma|rms|uncert|^u95\b|deviation|dev\b|error", re.IGNORECASE)

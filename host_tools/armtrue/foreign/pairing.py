@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.foreign.parts import Part
-from armtrue.foreign.sheets import is_number
+from armtrue.io.delimited import is_number
 from armtrue.units import plural
 
 Rows = NDArray[np.int64]

@@ -10,8 +10,9 @@ from armtrue.arrays import Array
 from armtrue.errors import RowError
 from armtrue.foreign.clocks import Clock
 from armtrue.foreign.headers import Meaning
-from armtrue.foreign.sheets import Sheet, is_number, to_float
+from armtrue.foreign.sheets import Sheet, to_float
 from armtrue.io.columns import UNITS
+from armtrue.io.delimited import is_number
 
 # Columns whose cells may be words.
 _TEXTS = ("time", "target", "repeat", "station", "nest")

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from armtrue.errors import InputError
-from armtrue.foreign.sheets import Sheet, is_number, read_sheet, split_unit, to_float
+from armtrue.foreign.sheets import Sheet, read_sheet, split_unit, to_float
+from armtrue.io.delimited import is_number
 from armtrue.io.urdf import parse_urdf
 from armtrue.units import plural
 

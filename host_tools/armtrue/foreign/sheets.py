@@ -15,14 +15,11 @@ import numpy as np
 from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.io.columns import UNITS
+from armtrue.io.delimited import is_number
 from armtrue.io.files import LARGEST_TEXT_BYTES, read_bytes
 
 SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", "|": "pipe"}
 _COMMENTS = ("#", "%", "//", "!")
-_NUMBER = {
-    ".": re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$"),
-    ",": re.compile(r"[-+]?(\d+,?\d*|,\d+)([eE][-+]?\d+)?$"),
-}
 _THOUSANDS = {
     ",": re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d*)?$"),
     ".": re.compile(r"[-+]?\d{1,3}(\.\d{3})+(,\d*)?$"),
@@ -141,11 +138,6 @@ def read_sheet(path: Path) -> Sheet:
         sources=dict.fromkeys(in_cells, "as its cells say"),
         length_unit=_length_unit([line for _, line in comments]),
     )
-
-
-def is_number(cell: str, decimal: str) -> bool:
-    """True where `cell` is one number with that decimal mark."""
-    return bool(_NUMBER[decimal].match(cell.strip()))
 
 
 def to_float(cell: str, decimal: str) -> float:
