@@ -86,16 +86,11 @@ def fit_html(document: Mapping[str, Any]) -> str:
 
 def diagnosis_html(diagnosis: Mapping[str, Any]) -> str:
     """A diagnosis as a notebook shows it: the verdict and the candidates, most evidence first."""
-    rows = [
-        [
-            name(candidate),
-            chance(candidate["probability"]),
-            f"{100 * candidate['explained']:.1f} %",
-            length_words(candidate["held_out_mean_um_if_added"]),
-            "recommended" if candidate["recommend"] else why_words(candidate),
-        ]
-        for candidate in diagnosis["candidates"][:10]
-    ]
+    rows = []
+    for candidate in diagnosis["candidates"][:10]:
+        why = "recommended" if candidate["recommend"] else why_words(candidate)
+        explained, after = f"{100 * candidate['explained']:.1f} %", candidate["held_out_mean_um_if_added"]
+        rows.append([name(candidate), chance(candidate["probability"]), explained, length_words(after), why])
     headers = ["candidate", "probability", "explains", "held-out mean if added [µm]", ""]
     return f"<p>{escape(verdict_words(dict(diagnosis)))}</p>" + html_table(headers, rows, "Candidates")
 

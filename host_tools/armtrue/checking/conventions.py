@@ -206,16 +206,11 @@ def _findings(best: _Judged, as_well: list[str], start_m: float) -> list[Finding
     rms_m = start_m if np.isfinite(start_m) else None
     evidence = {"rms_m": rms_m, "rms_m_if_changed": best.rms_m, "as_well": as_well}
     words = f" (or {'; or '.join(as_well)})" if as_well else ""
-    return [
-        Finding(
-            part.code,
-            "error",
-            f"{part.sentence}{words}: {figures}",
-            {**part.figures, **evidence},
-            part.remedy,
-        )
-        for part in parts
-    ]
+    findings = []
+    for part in parts:
+        message = f"{part.sentence}{words}: {figures}"
+        findings.append(Finding(part.code, "error", message, {**part.figures, **evidence}, part.remedy))
+    return findings
 
 
 def _by_geometry(reading: Reading) -> Geometry | None:

@@ -171,10 +171,8 @@ def _turns(node: Node) -> Markup | None:
     """The error of orientation; None where orientations were not measured."""
     if node.turn_error_rad is None:
         return None
-    figures = [
-        f"{name} {node.turn_error_rad[key] / ARCSECOND:.1f}″"
-        for key, name in zip(("mean", "rms", "p95", "max"), ERROR_FIGURES.values(), strict=True)
-    ]
+    names = zip(("mean", "rms", "p95", "max"), ERROR_FIGURES.values(), strict=True)
+    figures = [f"{name} {node.turn_error_rad[key] / ARCSECOND:.1f}″" for key, name in names]
     return tag("p", f"Error of orientation, training poses: {', '.join(figures)}", class_="about")
 
 
@@ -198,16 +196,12 @@ def _bar(mean: float | None, floor: float | None, whole: float) -> Markup:
 
 def _waterfall(path: list[Node], first: FirstFigures | None) -> Markup:
     whole = _largest(path)
-    steps = [
-        tag(
-            "li",
-            tag("span", node.name or node.change, class_="step"),
-            _bar(node.mean_um, node.noise_floor_um, whole),
-            tag("span", length(node.mean_um), class_="num"),
-            class_="first-figures" if first and node is first.node else None,
-        )
-        for node in path
-    ]
+    steps = []
+    for node in path:
+        name = tag("span", node.name or node.change, class_="step")
+        figure = tag("span", length(node.mean_um), class_="num")
+        kind = "first-figures" if first and node is first.node else None
+        steps.append(tag("li", name, _bar(node.mean_um, node.noise_floor_um, whole), figure, class_=kind))
     return tag("ol", steps, class_="waterfall-steps", aria_label="Steps")
 
 
@@ -298,11 +292,8 @@ def _advice(diagnosis: dict[str, Any]) -> Markup:
         f"{entry['effect']} needs {needs_words(entry['needs'])}" for entry in diagnosis["untestable"]
     ]
     words = f"{plural(len(untestable), 'effect')} not testable with what was recorded"
-    advice = [
-        typeset(line).replace("armtrue plan", "Plan poses")
-        for line in diagnosis["advice"]
-        if not any(word in line for word in _SAID_ELSEWHERE)
-    ]
+    here = [line for line in diagnosis["advice"] if not any(word in line for word in _SAID_ELSEWHERE)]
+    advice = [typeset(line).replace("armtrue plan", "Plan poses") for line in here]
     rest = advice[_SHOWN_ADVICE:]
     return tag(
         "div",
@@ -318,18 +309,11 @@ def _history(session: Session) -> Markup:
         here = node.number == session.at
         name = node.name or node.change
         go = button(name, "go", node=node.number, aria_current="step" if here else None)
-        beside = button(
-            "Side by side", "beside", node=node.number, class_="quiet",
-            aria_label=f"{name} side by side with the model shown",
-        )  # fmt: skip
-        below = [branch(child) for child in session.children(node.number)]
-        return tag(
-            "li",
-            go,
-            tag("span", f" {length(node.mean_um)}", class_="num"),
-            None if here else beside,
-            tag("ul", below) if below else None,
-        )
+        spoken = f"{name} side by side with the model shown"
+        beside = button("Side by side", "beside", node=node.number, class_="quiet", aria_label=spoken)
+        figure = tag("span", f" {length(node.mean_um)}", class_="num")
+        children = [branch(child) for child in session.children(node.number)]
+        return tag("li", go, figure, None if here else beside, tag("ul", children) if children else None)
 
     field = tag("input", id="model-name", maxlength="80", value=session.node.name)
     name = tag(
