@@ -72,11 +72,8 @@ def _option(key: str, value: Any) -> str:
 def label(entry: dict[str, Any]) -> str:
     """A candidate as `confounded_with` of a diagnosis lists it: `gear_mesh 3 orders [13]`."""
     options = options_of(entry)
-    lists = [
-        f"{key} [{','.join(f'{figure:.6g}' for figure in options[key])}]"
-        for key in _LISTS
-        if options.get(key)
-    ]
+    given = {key: ",".join(f"{figure:.6g}" for figure in options.get(key) or []) for key in _LISTS}
+    lists = [f"{key} [{figures}]" for key, figures in given.items() if figures]
     return " ".join([name({key: entry.get(key) for key in ("effect", "joints")}), *lists])
 
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armtrue.arrays import Array
+from armtrue.arrays import Array, rigid_motion
 from armtrue.errors import InputError
+from armtrue.extrapolation import is_joint
 from armtrue.fitting import Fit, fingerprint
 from armtrue.io import Dataset
 from armtrue.units import plural
@@ -96,13 +97,14 @@ def compare(fit: Fit, data: Dataset) -> Comparison:
     figures = error_figures(apart_um)
     worst = np.argsort(apart_um)[::-1][:_WORST_ROWS]
     worse = figures["mean_um"] > limit
-    moved = float(_moved_frame_um(data.positions_m, predicted).mean()) if worse and poses > 3 else math.inf
-    elsewhere = moved if moved <= limit else None
-    extrapolated = ""
+    elsewhere, extrapolated = None, ""
     if worse:
         extrapolated, of_the_fit = _extrapolated(fit, data, figures["mean_um"])
-        if of_the_fit:
-            elsewhere = None
+        if poses > 3 and not of_the_fit:
+            motion = rigid_motion(data.positions_m, predicted)
+            moved = data.positions_m @ motion[:3, :3].T + motion[:3, 3]
+            moved_um = float(1e6 * np.linalg.norm(moved - predicted, axis=1).mean())
+            elsewhere = moved_um if moved_um <= limit else None
     return Comparison(
         {
             "error": figures,
@@ -153,7 +155,7 @@ def _expected(fit: Fit, data: Dataset) -> tuple[str, dict[str, Any], float]:
 
 def _ways_that_apply(fit: Fit, data: Dataset) -> list[str]:
     ways = []
-    joints = [one.rows for one in fit.beyond(data) if one.is_joint]
+    joints = [one.rows for one in fit.beyond(data) if is_joint(one.name)]
     if joints and np.any(joints, axis=0).mean() >= _MOST:
         ways.append("region")
     fitted = fit.document["data"].get("ranges", {}).get("time")
@@ -167,7 +169,7 @@ def _extrapolated(fit: Fit, data: Dataset, mean_um: float) -> tuple[str, bool]:
 
     `mean_um`: the mean error. It is compared with the mean error where the columns are clipped to their fitted ranges.
     """
-    beyond = [one for one in fit.beyond(data) if not one.is_joint]
+    beyond = [one for one in fit.beyond(data) if not is_joint(one.name)]
     if not beyond:
         return "", False
     ranges = fit.document["data"]["ranges"]
@@ -246,12 +248,3 @@ def error_figures(apart_um: Array) -> dict[str, float]:
         "max_um": float(apart_um.max()),
         "n": len(apart_um),
     }
-
-
-def _moved_frame_um(measured: Array, predicted: Array) -> Array:
-    """Distances [µm] after a rigid motion brought `measured` onto `predicted`."""
-    middle, target = measured.mean(axis=0), predicted.mean(axis=0)
-    u, _, vt = np.linalg.svd((measured - middle).T @ (predicted - target))
-    rotation = (u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt).T
-    moved = (measured - middle) @ rotation.T + target
-    return np.asarray(1e6 * np.linalg.norm(moved - predicted, axis=1))

@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,21 +44,15 @@ class Beyond:
     span: float
     effects: list[str]
 
-    @property
-    def is_joint(self) -> bool:
-        """True for q1…qn."""
-        return is_joint(self.name)
-
     def words(self, robot: Robot) -> str:
         """`q5 by up to 132°`, `time by up to 2.1 h, 4.2 times the span that was fitted`."""
-        if self.is_joint:
-            return f"{self.name} by up to {_amount(self.amount, robot.joints[int(self.name[1:]) - 1])}"
-        size = f"{self.name} by up to {_size(self.name, self.amount)}"
-        return (
-            f"{size}, {self.amount / self.span:.1f} times the span that was fitted"
-            if self.span > 0.0
-            else size
-        )
+        if is_joint(self.name):
+            turns = robot.joints[int(self.name[1:]) - 1]["type"] == "revolute"
+            size = f"{math.degrees(self.amount):.0f}°" if turns else f"{1000.0 * self.amount:.0f} mm"
+            return f"{self.name} by up to {size}"
+        words = f"{self.name} by up to {_size(self.name, self.amount)}"
+        times = f", {self.amount / self.span:.1f} times the span that was fitted" if self.span > 0.0 else ""
+        return words + times
 
 
 def ranges_of(data: Dataset, names: Iterable[str]) -> dict[str, list[float]]:
@@ -69,10 +62,6 @@ def ranges_of(data: Dataset, names: Iterable[str]) -> dict[str, list[float]]:
         for name in names
         if name in data.columns and not _NO_RANGE.fullmatch(name)
     }
-
-
-def _amount(value: float, joint: dict[str, Any]) -> str:
-    return f"{math.degrees(value):.0f}°" if joint["type"] == "revolute" else f"{1000.0 * value:.0f} mm"
 
 
 def duration(seconds: float) -> str:

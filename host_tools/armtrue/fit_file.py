@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from armtrue import _core
-from armtrue.errors import InputError, did_you_mean, shorten
+from armtrue.errors import InputError, did_you_mean
 from armtrue.io.catalogue import catalogue
 from armtrue.io.model import check_effect, coordinate_names, names_in, own_columns, variables_of
 from armtrue.io.robot import Robot, check_robot, pose
@@ -17,15 +17,9 @@ from armtrue.verdicts import VERDICTS
 # Variables for a gear's warmth from its duty, or a low-passed temperature; the time constant is part of the name.
 _WARMTH = re.compile(r"\b(?:warm[0-9]+_[0-9]+|lag[0-9]+_\w+)\b")
 # Keys that only the report and the command line read; predict, export and diagnose do not need them.
-_ALSO = {
-    "error": dict,
-    "noise": dict,
-    "noise_floor": dict,
-    "solver": dict,
-    "rejected": list,
-    "nonlinear": list,
-    "unobservable": list,
-    "warnings": list,
+_ALSO: dict[str, type] = {
+    **dict.fromkeys(("error", "noise", "noise_floor", "solver"), dict),
+    **dict.fromkeys(("rejected", "nonlinear", "unobservable", "warnings"), list),
 }
 
 
@@ -40,7 +34,9 @@ def check_document(document: dict[str, Any], path: Path) -> None:
             raise InputError(f"{path}: key '{key}' is missing, expected a complete fit.json")
     check_robot(document["robot"], path, "robot")
     robot = Robot(document["robot"])
-    recorded = _recorded(top)
+    data = top.section("data")
+    listed = data.entries("columns", "a list of columns") if data.has("columns") else []
+    recorded = [str(name) for name in listed]
     _check_model(top, robot, recorded)
     _check_parameters(top, robot, recorded)
     pose(top.section("measuring_from_base"))
@@ -49,22 +45,20 @@ def check_document(document: dict[str, Any], path: Path) -> None:
         raise top.fail("flange_from_tool", "a pose for each reflector, at least one")
     for name in tools:
         pose(tools.section(name))
-    if top.has("payload_point"):
-        top.numbers("payload_point", 3, "a list [x, y, z] in metres")
+    top.numbers("payload_point", 3, "a list [x, y, z] in metres", default=None)
     if top.has("columns"):
         columns = top.section("columns")
         for name in columns:
             if not isinstance(columns.raw(name), str):
                 raise columns.fail(name, "the column that stands in for it, or ''")
-    if top.has("time_origin_s"):
-        top.number("time_origin_s", expected="a finite number")
+    top.number("time_origin_s", None, expected="a finite number")
     for key in ("searched", "left_out_effects"):
         for name in top.entries(key, "a list of effects") if top.has(key) else []:
             if not isinstance(name, str):
                 raise top.fail(key, "names of effects")
     if top.has("verdict") and document["verdict"] not in VERDICTS:
         raise top.fail("verdict", f"one of {', '.join(VERDICTS)}")
-    _check_data(top.section("data"), list(tools))
+    _check_data(top, list(tools), robot.joint_count)
     for key, kind in _ALSO.items():
         if not isinstance(document.get(key), kind):
             raise top.fail(key, "what armtrue fit writes there" if key in document else "a complete fit.json")
@@ -104,9 +98,9 @@ def not_for_a_device(document: dict[str, Any]) -> dict[str, str]:
         if not parameter.get("exported", True):
             continue
         if name in own:
+            columns = ", ".join(own[name])
             found[name] = (
-                f"a device does not know column {', '.join(own[name])}: its average over the measurements is "
-                "taken"
+                f"a device does not know column {columns}: its average over the measurements is taken"
             )
         elif "measurement" not in entry and "time" in _read_by(parameter):
             found[name] = (
@@ -147,13 +141,6 @@ def _check_error(error: Section) -> None:
             figures.number(key, None, minimum=0.0, expected=expected)
 
 
-def _recorded(top: Section) -> list[str]:
-    """The columns of the measurements that were fitted."""
-    data = top.section("data")
-    columns = data.entries("columns", "a list of columns") if data.has("columns") else []
-    return [str(name) for name in columns]
-
-
 def _check_model(top: Section, robot: Robot, columns: list[str]) -> None:
     model = top.section("model")
     for number, entry in enumerate(model.sections("effects", "a list of effects"), start=1):
@@ -172,12 +159,8 @@ def _check_model(top: Section, robot: Robot, columns: list[str]) -> None:
 def _check_parameters(top: Section, robot: Robot, columns: list[str]) -> None:
     targets = len(list(top.section("flange_from_tool")))
     coordinates = coordinate_names(robot.joint_count)
-    coordinates += [
-        name.replace("tool", f"tool[{number}]")
-        for number in range(targets)
-        for name in coordinates
-        if name.startswith("tool.")
-    ]
+    of_tool = [name for name in coordinates if name.startswith("tool.")]
+    coordinates += [name.replace("tool", f"tool[{k}]") for k in range(targets) for name in of_tool]
     states = [*variables_of(robot, columns), *columns]
     known: set[str] = set()
     for parameter in top.sections("parameters", "a list of fitted parameters"):
@@ -189,9 +172,8 @@ def _check_parameters(top: Section, robot: Robot, columns: list[str]) -> None:
         for term in parameter.sections("terms", "a list of terms"):
             coordinate = term.text("coordinate")
             if coordinate not in coordinates:
-                raise term.fail(
-                    "coordinate", "a coordinate of the arm" + did_you_mean(coordinate, coordinates)
-                )
+                near = did_you_mean(coordinate, coordinates)
+                raise term.fail("coordinate", f"a coordinate of the arm{near}")
             term.number("weight", expected="a finite number")
             expression = term.text("expression")
             if expression in known:
@@ -199,15 +181,12 @@ def _check_parameters(top: Section, robot: Robot, columns: list[str]) -> None:
             try:
                 _core.check_expression(expression, [*states, *_WARMTH.findall(expression)], [])
             except ValueError as error:
-                place = term.place("expression")
-                found = shorten(expression)
-                raise InputError(
-                    f"{place}: found {found}, expected arithmetic of the state: {error}"
-                ) from None
+                raise term.fail("expression", f"arithmetic of the state: {error}") from None
             known.add(expression)
 
 
-def _check_data(data: Section, reflectors: list[str]) -> None:
+def _check_data(top: Section, reflectors: list[str], joint_count: int) -> None:
+    data = top.section("data")
     for key in ("path", "relative", "sha256"):
         data.text(key)
     if data.has("means"):
@@ -223,3 +202,11 @@ def _check_data(data: Section, reflectors: list[str]) -> None:
     targets = data.entries("targets", "a list of reflectors") if data.has("targets") else []
     if len(targets) > 1 and sorted(map(str, targets)) != sorted(reflectors):
         raise data.fail("targets", f"those of flange_from_tool: {', '.join(reflectors)}")
+    if data.has("ranges"):
+        ranges = data.section("ranges")
+        columns = [f"q{k}" for k in range(1, joint_count + 1)] + ["time", *(top.raw("columns") or {})]
+        known = list(dict.fromkeys(columns))
+        for name in ranges:
+            if name not in known:
+                raise InputError(f"{ranges.place(name)}: found '{name}', expected one of {', '.join(known)}")
+            ranges.numbers(name, 2, "the lowest and the highest value that was fitted")

@@ -24,7 +24,6 @@ from armtrue.io.columns import FAR_TRAVEL, TRAVEL, commanded_joints
 from armtrue.io.files import read_json, write_file
 from armtrue.io.model import check_effect, refusal_words
 from armtrue.io.plausible import refuse_too_few_poses
-from armtrue.io.yamlfile import Section
 from armtrue.progress import Progress
 from armtrue.springs import warnings_of_springs
 
@@ -33,7 +32,7 @@ VERSION = 1
 _LARGEST_FIT_BYTES = 512 * 1024 * 1024
 
 
-class EffectError(InputError):
+class _EffectError(InputError):
     """An effect that the arm or its measurements do not allow; names no file: the caller knows where it came from."""
 
 
@@ -71,7 +70,6 @@ class Fit:
         if document.get("version") != VERSION:
             raise InputError(f"{path}: found version {document.get('version')}, expected {VERSION}")
         check_document(document, path)
-        _check_ranges(document, path)
         return cls(document, path)
 
     def save(self, path: str | Path) -> None:
@@ -133,10 +131,8 @@ class Fit:
         """
         columns = {**data.columns, **self.assumed(data)[0]}
         names = self.document["data"].get("targets", [])
-        if "target" not in columns or not names:
-            columns.pop("target", None)
-            return columns
-        columns["target"] = data.reflectors_among(names, "the fit's").astype(np.float64)
+        if columns.pop("target", None) is not None and names:
+            columns["target"] = data.reflectors_among(names, "the fit's").astype(np.float64)
         return columns
 
     def assumed(self, data: Dataset) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
@@ -144,11 +140,8 @@ class Fit:
 
         Errors: InputError that names a column without which there is no prediction.
         """
-        lacking = {
-            name: instead
-            for name, instead in self.document.get("columns", {}).items()
-            if name not in data.columns
-        }
+        read = self.document.get("columns", {})
+        lacking = {name: instead for name, instead in read.items() if name not in data.columns}
         unknown = [name for name in lacking if TRAVEL.fullmatch(name)]
         for name, instead in lacking.items():
             if not instead and name not in unknown:
@@ -158,19 +151,17 @@ class Fit:
                 )
         settled = {name: data.columns[instead] for name, instead in lacking.items() if instead}
         missing = settled | {name: np.full(data.count, FAR_TRAVEL) for name in unknown}
-        notes = []
+        notes, file = [], data.path.name
         if settled:
-            notes.append(
-                f"{data.path.name} has no {', '.join(settled)}: the joints are assumed to have settled"
-            )
+            notes.append(f"{file} has no {', '.join(settled)}: the joints are assumed to have settled")
         if unknown:
             notes.append(
-                f"{data.path.name} has no {', '.join(unknown)}: a long travel since the last reversal is assumed"
+                f"{file} has no {', '.join(unknown)}: a long travel since the last reversal is assumed"
             )
         reflectors = self.document["data"].get("targets", [])
         if len(reflectors) > 1 and "target" not in data.columns:
             notes.append(
-                f"{data.path.name} has no column target: all rows are assumed to be of '{reflectors[0]}', the first "
+                f"{file} has no column target: all rows are assumed to be of '{reflectors[0]}', the first "
                 f"of the fit's reflectors {', '.join(reflectors)}; if they are of another, name it in a column target"
             )
         return missing, [*notes, *self.extrapolated(data)]
@@ -190,7 +181,7 @@ class Fit:
             if rows.any():
                 effects = [] if is_joint(name) else _effects_that_read(name, self.document["parameters"])
                 found.append(Beyond(name, rows, float(apart.max()), hi - lo, effects))
-        return sorted(found, key=lambda one: (not one.is_joint, -one.amount))
+        return sorted(found, key=lambda one: (not is_joint(one.name), -one.amount))
 
     def extrapolated(self, data: Dataset, of_the_arm: bool = False) -> list[str]:
         """A note where poses of `data` lie outside the fitted ranges, as far as fit.json has these.
@@ -200,11 +191,8 @@ class Fit:
         beyond = self.beyond(data)
         if of_the_arm:
             left_out = not_for_a_device(self.document)
-            in_tables = [
-                p
-                for p in self.document["parameters"]
-                if p.get("exported", True) and p["name"] not in left_out
-            ]
+            exported = [p for p in self.document["parameters"] if p.get("exported", True)]
+            in_tables = [p for p in exported if p["name"] not in left_out]
             beyond = [one for one in beyond if not one.effects or _effects_that_read(one.name, in_tables)]
         if not beyond:
             return []
@@ -269,10 +257,7 @@ class Fit:
         recorded = self.document["data"]
         places = [Path(recorded["path"])]
         if self.path is not None:
-            places += [
-                self.path.parent / recorded["relative"],
-                self.path.parent / Path(recorded["path"]).name,
-            ]
+            places += [self.path.parent / recorded["relative"], self.path.parent / places[0].name]
         for place in places:
             if place.is_file():
                 return place
@@ -283,10 +268,8 @@ class Fit:
 def _effects_that_read(name: str, parameters: list[dict[str, Any]]) -> list[str]:
     """The effects of `parameters` whose terms name a column; effects that read it only through a load are not found."""
     variable = re.compile(rf"\b(?:d?T_|temp_)?{re.escape(name.removeprefix('temp_'))}\b")
-    reading = (
-        p["effect"] for p in parameters if any(variable.search(t["expression"]) for t in p.get("terms", []))
-    )
-    return list(dict.fromkeys(reading))
+    terms = ((p["effect"], term["expression"]) for p in parameters for term in p.get("terms", []))
+    return list(dict.fromkeys(effect for effect, expression in terms if variable.search(expression)))
 
 
 def fit(
@@ -306,10 +289,8 @@ def fit(
         raise InputError(f"--folds: found {folds}, expected 2 to 100")
     specification = {"effects": model.effects, "parameters": model.parameters, "priors": model.priors}
     options: dict[str, Any] = {"folds": folds, "seed": seed, "instrument": model.instrument}
-    try:
-        return _finish(data, robot, specification, options, progress)
-    except EffectError as error:
-        raise InputError(f"{model.path or 'model'} on {data.path}: {error}") from None
+    origin = f"{model.path or 'model'} on {data.path}"
+    return _fitted(data, robot, specification, options, progress, origin)
 
 
 def add(
@@ -329,13 +310,10 @@ def add(
 
 def with_effects(base: Fit, effects: list[dict[str, Any]], progress: Progress | None = None) -> Fit:
     """Return `base` with other effects, fitted again to the same measurements."""
-    specification = {**base.document["model"], "effects": effects}
-    try:
-        fit = _finish(base.data, base.robot, specification, base.document["options"], progress)
-        fit.document["searched"] = base.searched
-        return fit
-    except EffectError as error:
-        raise InputError(f"{base.data.path}: {error}") from None
+    specification, options = {**base.document["model"], "effects": effects}, base.document["options"]
+    fit = _fitted(base.data, base.robot, specification, options, progress, str(base.data.path))
+    fit.document["searched"] = base.searched
+    return fit
 
 
 def effect_terms(base: Fit, entry: dict[str, Any], columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
@@ -372,7 +350,9 @@ def _run(
             if not str(error).startswith(("effect ", "model: ")):
                 raise
             names = _parameter_names(data, robot, specification["effects"])
-            raise EffectError(refusal_words(str(error), specification["effects"], names, data.rows)) from None
+            raise _EffectError(
+                refusal_words(str(error), specification["effects"], names, data.rows)
+            ) from None
 
 
 def _parameter_names(data: Dataset, robot: Robot, effects: list[dict[str, Any]]) -> list[str]:
@@ -404,23 +384,27 @@ def _robot_json(robot: Robot, data: Dataset) -> str:
     names = data.labels.get("target", [])
     if not names:
         raise InputError(f"{data.path}: column 'target' is missing, expected it beside robot.yaml's tools")
-    for name in names:
-        if name not in tools:
-            raise InputError(
-                f"{data.path} column target: found '{name}', expected one of robot.yaml's tools {', '.join(tools)}"
-            )
+    if unknown := [name for name in names if name not in tools]:
+        raise InputError(
+            f"{data.path} column target: found '{unknown[0]}', expected one of robot.yaml's tools {', '.join(tools)}"
+        )
     return json.dumps({**robot.spec, "targets": [tools[name] for name in names]})
 
 
-def _finish(
+def _fitted(
     data: Dataset,
     robot: Robot,
     specification: dict[str, Any],
     options: dict[str, Any],
     progress: Progress | None,
+    origin: str,
 ) -> Fit:
+    """`origin`: where the effects come from, for a message that refuses one."""
     refuse_too_few_poses(data.file, data.joints)
-    core = _run(data, robot, specification, options, progress)
+    try:
+        core = _run(data, robot, specification, options, progress)
+    except _EffectError as error:
+        raise InputError(f"{origin}: {error}") from None
     return _document(core, data, robot, specification, options)
 
 
@@ -452,9 +436,8 @@ def _document(
         rejected["row"] = int(data.rows[rejected["index"]])
     targets = data.labels.get("target", [])
     if len(targets) > 1:
-        document["flange_from_tool"] = {
-            name: document["flange_from_tool"][str(code)] for code, name in enumerate(targets)
-        }
+        tools = document["flange_from_tool"]
+        document["flange_from_tool"] = {name: tools[str(code)] for code, name in enumerate(targets)}
     document["warnings"] += warnings_of_springs(document, robot)
     fit = Fit(document, None, data, core)
     left_out = not_for_a_device(document)
@@ -469,27 +452,10 @@ def _document(
 
 def _varies_um(fit: Fit, parameter: str) -> float:
     """RMS distance [µm] of the fitted rows' predictions from those with the inputs of `parameter` at their averages."""
-    means = fit.document["data"]["means"]
-    parameters = [
-        at_average(entry, means) if entry["name"] == parameter else entry
-        for entry in fit.document["parameters"]
-    ]
+    means, fitted = fit.document["data"]["means"], fit.document["parameters"]
+    parameters = [at_average(entry, means) if entry["name"] == parameter else entry for entry in fitted]
     apart = fit.predict(fit.data) - Fit({**fit.document, "parameters": parameters}).predict(fit.data)
     return float(1e6 * np.sqrt((apart**2).sum(axis=1).mean()))
-
-
-def _check_ranges(document: dict[str, Any], path: Path) -> None:
-    """Refuse ranges that are not two numbers, or not of a known column. Errors: InputError that names the key."""
-    data = Section(document, str(path)).section("data")
-    if not data.has("ranges"):
-        return
-    ranges = data.section("ranges")
-    known = [f"q{k}" for k in range(1, Robot(document["robot"]).joint_count + 1)]
-    known += [name for name in ("time", *document.get("columns", {})) if name not in known]
-    for name in ranges:
-        if name not in known:
-            raise InputError(f"{ranges.place(name)}: found '{name}', expected one of {', '.join(known)}")
-        ranges.numbers(name, 2, "the lowest and the highest value that was fitted")
 
 
 def _data_entry(data: Dataset) -> dict[str, Any]:

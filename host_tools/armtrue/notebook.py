@@ -59,10 +59,8 @@ def floor_sentence(document: Mapping[str, Any]) -> str:
 def fit_text(document: Mapping[str, Any]) -> str:
     """A fit as a table of text: errors, noise floor, effects."""
     width = max(len(words) for words in PARTS_OF_ERROR.values())
-    lines = [f"{'error [µm]':{width}}" + "".join(f"{word:>10}" for word in ERROR_FIGURES.values())]
-    lines += [
-        f"{row[0]:{width}}" + "".join(f"{cell:>10}" for cell in row[1:]) for row in error_rows(document)
-    ]
+    rows = [["error [µm]", *ERROR_FIGURES.values()], *error_rows(document)]
+    lines = [f"{row[0]:{width}}" + "".join(f"{cell:>10}" for cell in row[1:]) for row in rows]
     effects = "; ".join(name(entry) for entry in document["model"]["effects"])
     return "\n".join([*lines, floor_sentence(document), f"effects: {effects}"])
 
@@ -88,16 +86,11 @@ def fit_html(document: Mapping[str, Any]) -> str:
 
 def diagnosis_html(diagnosis: Mapping[str, Any]) -> str:
     """A diagnosis as a notebook shows it: the verdict and the candidates, most evidence first."""
-    rows = [
-        [
-            name(candidate),
-            chance(candidate["probability"]),
-            f"{100 * candidate['explained']:.1f} %",
-            length_words(candidate["held_out_mean_um_if_added"]),
-            "recommended" if candidate["recommend"] else why_words(candidate),
-        ]
-        for candidate in diagnosis["candidates"][:10]
-    ]
+    rows = []
+    for candidate in diagnosis["candidates"][:10]:
+        why = "recommended" if candidate["recommend"] else why_words(candidate)
+        explained, after = f"{100 * candidate['explained']:.1f} %", candidate["held_out_mean_um_if_added"]
+        rows.append([name(candidate), chance(candidate["probability"]), explained, length_words(after), why])
     headers = ["candidate", "probability", "explains", "held-out mean if added [µm]", ""]
     return f"<p>{escape(verdict_words(dict(diagnosis)))}</p>" + html_table(headers, rows, "Candidates")
 
@@ -107,14 +100,11 @@ def pose_rows(document: Mapping[str, Any]) -> list[list[str]]:
     poses = {"base in the measuring frame": document["measuring_from_base"]}
     for target, pose in document["flange_from_tool"].items():
         poses[f"tool {target} in the flange".replace("  ", " ")] = pose
-    return [
-        [
-            name,
-            *(f"{1000 * value:.3f}" for value in pose["xyz"]),
-            *(f"{math.degrees(value):.4f}" for value in pose["rpy"]),
-        ]
-        for name, pose in poses.items()
-    ]
+    rows = []
+    for what, pose in poses.items():
+        lengths = [f"{1000 * value:.3f}" for value in pose["xyz"]]
+        rows.append([what, *lengths, *(f"{math.degrees(value):.4f}" for value in pose["rpy"])])
+    return rows
 
 
 def beside_the_poses(document: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -135,11 +135,8 @@ class Plan:
             lacking = [
                 words for stem, words in _LEVELS.items() if not any(n.startswith(stem) for n in varied)
             ]
-            what_else = (
-                "Quantities that may decide and are not varied in them: "
-                + ", ".join([*lacking, "another station"])
-                + "."
-            )
+            listed = ", ".join([*lacking, "another station"])
+            what_else = f"Quantities that may decide and are not varied in them: {listed}."
         return (
             f"{self._these()} cannot decide {pair}: whichever is the cause is expected to reach a probability "
             f"of {_percent(worst)}, with as many random poses {_percent(random)}. {what_else}"
@@ -201,20 +198,14 @@ def plan_campaign(
     if tool is not None:
         options["tool"] = list(tool)
     specification = {"effects": model.effects, "parameters": model.parameters, "priors": model.priors}
+    texts = robot.json(), json.dumps(specification), json.dumps(options)
     try:
-        return _plan(
-            lambda: _core.plan_campaign(
-                robot.json(), json.dumps(specification), json.dumps(options), progress
-            ),
-            target,
-            robot,
-        )
+        return _plan(lambda: _core.plan_campaign(*texts, progress), target, robot)
     except InputError as error:
         if "column" not in str(error):
             raise
-        raise InputError(
-            f"plan: {error}; give the values that it may take, such as --levels temp_arm=20,35"
-        ) from None
+        remedy = "give the values that it may take, such as --levels temp_arm=20,35"
+        raise InputError(f"plan: {error}; {remedy}") from None
 
 
 def plan(
@@ -230,48 +221,29 @@ def plan(
 ) -> Plan:
     """Choose the next `poses` poses for `fit`, as `armtrue plan FIT` does.
 
-    `rivals`: entries of model.yaml to tell apart; None: those that a diagnosis leaves undecided. Without any (or with
-    an empty list) the poses are for the fit's own parameters; `plan.separates` says which it was. Other arguments and
-    errors as of `plan_campaign`, which is for an arm that was not measured yet; a column without levels takes its
-    recorded values.
+    `rivals`: two or more entries of model.yaml to tell apart, each an effect that `fit` lacks; None: those that a
+    diagnosis leaves undecided. Without any (or with an empty list) the poses are for the fit's own parameters;
+    `plan.separates` says which it was. Other arguments and errors as of `plan_campaign`, which is for an arm that was
+    not measured yet; a column without levels takes its recorded values.
     """
     if rivals is None:
         left_open = ambiguity(fit, diagnose(fit, progress))
         rivals = left_open.open if left_open else []
-    if rivals:
-        settings: dict[str, Any] = {"cell": cell, "levels": levels, "candidates": candidates, "seed": seed}
-        return plan_separation(fit, rivals, poses, progress=progress, **settings)
     options = json.dumps(_options(poses, cell, levels, candidates, seed))
-    return _plan(lambda: _core.plan_sharpening(fit.core, options, progress), _target(fit), fit.robot)
-
-
-def plan_separation(
-    fit: Fit,
-    rivals: list[dict[str, Any]],
-    poses: int,
-    *,
-    cell: Cell | None = None,
-    levels: Mapping[str, list[float]] | None = None,
-    candidates: int = 4000,
-    seed: int = 0,
-    progress: Progress | None = None,
-) -> Plan:
-    """Choose `poses` poses that tell `rivals` apart: entries of model.yaml, each an effect that `fit` lacks.
-
-    Arguments as of `plan`. Errors: InputError for fewer than two rivals, or where one cannot be fitted.
-    """
-    options = json.dumps(_options(poses, cell, levels, candidates, seed))
+    # The reflector that poses are planned for: the first of those that the measurements name.
+    target = next(map(str, fit.document["data"].get("targets") or []), None)
+    if not rivals:
+        return _plan(lambda: _core.plan_sharpening(fit.core, options, progress), target, fit.robot)
+    wanted = json.dumps(rivals)
     chosen = _plan(
-        lambda: _core.plan_separation(fit.core, json.dumps(rivals), options, progress),
-        _target(fit),
+        lambda: _core.plan_separation(fit.core, wanted, options, progress),
+        target,
         fit.robot,
         fit.path or "the fit",
     )
     # The library's names do not contain the sensor.
-    names = [
-        name + _sensor_words(fit, rival)
-        for name, rival in zip(chosen.figures["candidates"], rivals, strict=True)
-    ]
+    named = zip(chosen.figures["candidates"], rivals, strict=True)
+    names = [name + _sensor_words(fit, rival) for name, rival in named]
     chosen.figures["candidates"] = names
     for (truth, rival), entry in zip(permutations(names, 2), chosen.figures["separations"], strict=True):
         entry["truth"], entry["rival"] = truth, rival
@@ -325,18 +297,9 @@ class Ambiguity:
 
     def figures(self) -> dict[str, Any]:
         """The set as JSON output has it."""
-        return {
-            "candidate": self.candidate,
-            "rivals": [
-                {
-                    "candidate": rival.candidate,
-                    "delta_bic": rival.delta_bic,
-                    "misfit": rival.misfit,
-                    "decided": rival.decided,
-                }
-                for rival in self.rivals
-            ],
-        }
+        keys = ("candidate", "delta_bic", "misfit", "decided")
+        rivals = [{key: getattr(rival, key) for key in keys} for rival in self.rivals]
+        return {"candidate": self.candidate, "rivals": rivals}
 
 
 def ambiguity(fit: Fit, diagnosis: Mapping[str, Any]) -> Ambiguity | None:
@@ -363,9 +326,8 @@ def ambiguity(fit: Fit, diagnosis: Mapping[str, Any]) -> Ambiguity | None:
     tables = {effect["id"] for effect in json.loads(_core.effects()) if effect["generic"]}
     rivals = []
     for entry, figures in zip(others, found, strict=True):
-        change, misfit = (
-            (figures[key] - evidence[key] for key in ("delta_bic", "misfit")) if figures else (None, None)
-        )
+        keys = ("delta_bic", "misfit")
+        change, misfit = (figures[key] - evidence[key] if figures else None for key in keys)
         called = label(entry) + _sensor_words(fit, entry)
         rivals.append(Rival(called, entry, change, misfit, entry["effect"] in tables))
     rivals.sort(key=lambda rival: math.inf if rival.delta_bic is None else rival.delta_bic)
@@ -429,12 +391,6 @@ def _sensor_words(fit: Fit, entry: Mapping[str, Any]) -> str:
     return f" sensor {entry['sensor']}" if "sensor" in entry and len(fit.robot.sensors) > 1 else ""
 
 
-def _target(fit: Fit) -> str | None:
-    """The reflector that poses are planned for: the first of those that the measurements name."""
-    names = fit.document["data"].get("targets")
-    return str(names[0]) if names else None
-
-
 def _plan(
     make: Callable[[], str], target: str | None, robot: Robot, fit_file: str | Path = "the fit"
 ) -> Plan:
@@ -444,9 +400,8 @@ def _plan(
         if found := _IN_THE_FIT.match(str(error)):
             raise InputError(_in_the_fit(found, fit_file)) from None
         if _MEASURED_TORQUE.match(str(error)):
-            raise InputError(
-                f"plan: {error}; torques were measured, and for new poses they can only be computed from masses"
-            ) from None
+            why = "torques were measured, and for new poses they can only be computed from masses"
+            raise InputError(f"plan: {error}; {why}") from None
         raise InputError(str(error)) from None
     columns = result.pop("columns")
     if "information" in result:
@@ -463,9 +418,8 @@ def random_poses_per_planned(figures: Mapping[str, Any], poses: int) -> float | 
     figures: of a `Plan`. The inverse of the mean square error is taken to grow equally with each random pose, starting
     from that of the measurements; without measurements, from the fewest poses that determine the unknowns.
     """
-    errors = {
-        key: entry and float(entry["prediction_rms_um"]) for key, entry in figures["information"].items()
-    }
+    information = figures["information"].items()
+    errors = {key: entry and float(entry["prediction_rms_um"]) for key, entry in information}
     first = 0.0 if errors["present"] else float(figures["unknowns"]) / _COORDINATES
     present = errors["present"] ** -2 if errors["present"] else 0.0
     random, planned = (errors[key] ** -2 - present for key in ("random", "planned"))

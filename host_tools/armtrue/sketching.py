@@ -37,13 +37,8 @@ class Sweep:
 def sample_arm() -> dict[str, Any]:
     """A six-axis arm that has all an effect may ask for: masses, gear ratios, thermometers, a parallelogram."""
     rows = [
-        (0.0, 0.0, 0.4),
-        (0.3, -90.0, 0.0),
-        (0.8, 0.0, 0.0),
-        (0.1, -90.0, 0.8),
-        (0.0, 90.0, 0.0),
-        (0.0, -90.0, 0.1),
-    ]
+        (0.0, 0.0, 0.4), (0.3, -90.0, 0.0), (0.8, 0.0, 0.0), (0.1, -90.0, 0.8), (0.0, 90.0, 0.0), (0.0, -90.0, 0.1),
+    ]  # fmt: skip
     joints = [
         {"name": f"A{k}", "type": "revolute", "a": a, "alpha": math.radians(alpha), "d": d, "offset": 0.0,
          "gear_ratio": 100.0, "limits": [-_HALF_TURN, _HALF_TURN]}
@@ -62,14 +57,14 @@ def sample_arm() -> dict[str, Any]:
 def _columns(sweep: Sweep) -> dict[str, Array]:
     columns: dict[str, Array] = {f"q{k}": np.full(_POINTS, rest) for k, rest in enumerate(_AT_REST, start=1)}
     columns |= {f"qr{name[1:]}": values for name, values in columns.items()}
-    columns |= {f"dir{k}": np.ones(_POINTS) for k in range(1, 7)}
-    columns |= {f"travel{k}": np.full(_POINTS, 0.1) for k in range(1, 7)}
-    columns |= {f"duty{k}": np.full(_POINTS, 0.1) for k in range(1, 7)}
-    columns |= {f"temp_{name}": np.full(_POINTS, 20.0) for name in _SENSORS}
-    # Two stations and nests of the instrument, and the measured tool position [m].
+    constant = {
+        f"{stem}{k}": at for k in range(1, 7) for stem, at in (("dir", 1.0), ("travel", 0.1), ("duty", 0.1))
+    }
+    constant |= {f"temp_{name}": 20.0 for name in _SENSORS}
+    constant |= {"x": 2.0, "y": 1.0, "z": 0.5, "time": 0.0, "payload": 0.0}
+    columns |= {name: np.full(_POINTS, at) for name, at in constant.items()}
+    # Two stations and nests of the instrument.
     columns |= {name: np.where(np.arange(_POINTS) < _POINTS // 2, 1.0, 2.0) for name in ("station", "nest")}
-    columns |= {axis: np.full(_POINTS, at) for axis, at in zip("xyz", (2.0, 1.0, 0.5), strict=True)}
-    columns |= {"time": np.zeros(_POINTS), "payload": np.zeros(_POINTS)}
     for name in sweep.columns:
         columns[name] = np.linspace(sweep.low, sweep.high, _POINTS, dtype=np.float64)
         if name.startswith("dir"):
@@ -99,10 +94,7 @@ def _terms(info: EffectInfo, joints: list[int], sweep: Sweep) -> dict[str, Any]:
         # Some effects exist on prismatic joints only.
         arm["kinematics"]["joints"][1]["type"] = kind
         try:
-            document: dict[str, Any] = json.loads(
-                _core.effect_terms(json.dumps(arm), _columns(sweep), json.dumps(request))
-            )
-            return document
+            return dict(json.loads(_core.effect_terms(json.dumps(arm), _columns(sweep), json.dumps(request))))
         except _core.ModelError as error:
             refused = str(error)
     raise InputError(refused)

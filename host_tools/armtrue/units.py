@@ -64,6 +64,6 @@ def value_and_sigma(value: float, sigma: float | None, unit: str) -> tuple[str, 
     return f"{value / factor:.{decimals}f}", f"{spread / factor:.{decimals}f}", name
 
 
-def plural(count: int, word: str, many: str = "") -> str:
-    """A count and its noun: "1 row", "2 rows". many: the plural of a noun that does not only add an s."""
-    return f"{count} {word if count == 1 else many or word + 's'}"
+def plural(count: int, word: str) -> str:
+    """A count and its noun: "1 row", "2 rows"."""
+    return f"{count} {word if count == 1 else word + 's'}"

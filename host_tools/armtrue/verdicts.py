@@ -32,7 +32,6 @@ FLOOR_MOVES = (
 
 # A candidate explains nearly as much as the first from this share of the first's `explained` on (docs/planning.md).
 _NEARLY = 0.9
-_MORE_LIKELY_THAN_NOT = 0.5
 # A held-out error above this many noise floors is more than noise: many unknowns alone do not raise it as far.
 _FAR_ABOVE = 2.0
 # The same for the training error; the advice then says what may differ between visits of a pose.

@@ -15,7 +15,8 @@ import armtrue_sim
 import numpy as np
 from armtrue import Fit, Model, fit, load_data, load_robot
 from armtrue.diagnosis import Diagnosis, diagnose
-from armtrue.planning import SETTLED, Ambiguity, Plan, ambiguity, plan_campaign, plan_separation
+from armtrue.planning import SETTLED, Ambiguity, Plan, ambiguity, plan_campaign
+from armtrue.planning import plan as plan_poses
 from armtrue_sim.campaign import joints_of
 from numpy.typing import NDArray
 
@@ -142,7 +143,7 @@ def try_case(case: Case, seed: int, count: int, folder: Path) -> Outcome | None:
     if f"{case.hidden} {[case.joint]}" not in names or len(rivals) < 2:
         return None
     # The plan states which pairs no pose can separate: only the others can be settled.
-    plan = plan_separation(fitted, rivals, count, seed=seed)
+    plan = plan_poses(fitted, count, rivals=rivals, seed=seed)
     truth = f"{case.hidden} {case.joint}"
     told = {
         entry["rival"]: entry["delta_bic_expected"]
@@ -215,7 +216,7 @@ def _try_hot(hidden: dict[str, Any], seed: int, count: int, folder: Path) -> Hea
     first = diagnose(fitted)
     before = ambiguity(fitted, first)
     assert before is not None
-    plan = plan_separation(fitted, before.open, count, seed=seed)
+    plan = plan_poses(fitted, count, rivals=before.open, seed=seed)
     told = measure_more(campaign, plan.columns, seed, folder)
     diagnosis = diagnose(told)
     after = ambiguity(told, diagnosis)

@@ -16,7 +16,7 @@ import numpy as np
 from armtrue.checking import hypotheses, lengths
 from armtrue.checking.alignment import NOMINAL_ERROR_PER_REACH, Columns, align, thinned
 from armtrue.checking.hypotheses import Hypothesis
-from armtrue.checking.moved.geometry import Geometry, fit_geometry
+from armtrue.checking.moved.geometry import Geometry
 from armtrue.checking.placement import Reading, lower_bounds
 from armtrue.checking.report import Finding
 from armtrue.io.robot import Robot
@@ -71,7 +71,7 @@ def find(
     """
     reading = Reading(columns, robot.spec)
     search = _Search(reading, robot)
-    start = search.unchanged()[0]
+    start = search.aligned(None)[0]
     if start.rms_m <= start.floor_m / _CONVINCING:
         return []
     far_off = start.rms_m > search.widest_m
@@ -94,22 +94,23 @@ class _Search:
         self._reading = reading
         self._robot = robot
         self.widest_m = NOMINAL_ERROR_PER_REACH * robot.reach_m
-        self._floor_m = _AS_GOOD_AS_NOMINAL * self._robot.reach_m
+        self._floor_m = _AS_GOOD_AS_NOMINAL * robot.reach_m
         self._spread_m = lengths.spread(reading.columns)
-
-    def unchanged(self) -> list[_Judged]:
-        """The unchanged file, and beside it its scale if that explains the points; see `_aligned`."""
-        return self._aligned(None)
 
     def best(self, more: Iterable[Hypothesis]) -> tuple[_Judged, list[str]]:
         """The first hypothesis whose score is within `_AS_WELL` of the lowest (None: no change), and its rivals.
 
         `more`: hypotheses that compete in addition to those about conventions.
         """
-        judged = self.unchanged()
-        judged += [one for hypothesis in more for one in self._aligned(hypothesis)]
+        judged = [one for hypothesis in (None, *more) for one in self.aligned(hypothesis)]
         singles = hypotheses.singles(self._robot)
-        odd_zeros = self._odd_zeros()
+        # For each joint, the offset of its zero, at any angle, with the smallest lower bound on the residual.
+        offsets = {joint: self._best_zero(joint) for joint in hypotheses.joints_with_a_zero(self._robot)}
+        odd_zeros = [
+            hypotheses.zero(joint, degrees, self._robot)
+            for joint, degrees in offsets.items()
+            if abs(degrees) >= _LEAST_ZERO_DEGREES
+        ]
         judged += self._judge([*singles, *odd_zeros], min(one.score for one in judged))
         lowest = min(one.score for one in judged)
         if lowest > self._lowest_score(changes=2):
@@ -124,32 +125,18 @@ class _Search:
     def _rivals(self, best: _Judged, judged: list[_Judged]) -> list[str]:
         """Sentences of other hypotheses with as many changes whose residual is about as small."""
         limit = _AS_WELL * max(best.rms_m, self._floor_m)
-        return [
-            one.hypothesis.sentence
-            for one in judged
-            if one is not best
-            and one.hypothesis is not None
-            and one.changes == best.changes
-            and one.rms_m <= limit
-        ][:_MOST_AS_WELL]
-
-    def _odd_zeros(self) -> list[Hypothesis]:
-        """For each joint, the offset of its zero, at any angle, with the smallest lower bound on the residual."""
-        return [
-            hypotheses.zero(joint, degrees, self._robot)
-            for joint in hypotheses.joints_with_a_zero(self._robot)
-            if abs(degrees := self._best_zero(joint)) >= _LEAST_ZERO_DEGREES
+        others = [
+            one for one in judged if one is not best and one.changes == best.changes and one.rms_m <= limit
         ]
+        return [one.hypothesis.sentence for one in others if one.hypothesis is not None][:_MOST_AS_WELL]
 
     def _best_zero(self, joint: int) -> float:
         degrees, step = 0.0, _ZERO_STEP_DEGREES
         around = np.arange(-12, 12)
         while step > _ZERO_STEP_DEGREES / 1000.0:
             tried = [degrees + step * int(count) for count in around]
-            bounds = lower_bounds(
-                [self._sample(hypotheses.zero(joint, angle, self._robot)) for angle in tried]
-            )
-            degrees = tried[int(np.argmin(bounds))]
+            zeros = [hypotheses.zero(joint, angle, self._robot) for angle in tried]
+            degrees = tried[int(np.argmin(lower_bounds([*map(self._sample, zeros)])))]
             step, around = step / 4.0, np.arange(-4, 5)
         return degrees
 
@@ -175,7 +162,7 @@ class _Search:
         for at in sorted(range(len(candidates)), key=charged.__getitem__)[:_MOST_ALIGNED]:
             if charged[at] > _AS_WELL * to_beat:
                 break
-            found[at] = self._aligned(candidates[at])
+            found[at] = self.aligned(candidates[at])
             to_beat = min([to_beat, *(one.score for one in found[at])])
         return [one for at in sorted(found) for one in found[at]]
 
@@ -183,7 +170,7 @@ class _Search:
         reading = self._reading if hypothesis is None else hypothesis.apply(self._reading)
         return Reading(thinned(reading.columns, _ROWS), reading.spec)
 
-    def _aligned(self, hypothesis: Hypothesis | None) -> list[_Judged]:
+    def aligned(self, hypothesis: Hypothesis | None) -> list[_Judged]:
         """`hypothesis` alone, and combined with the scale that the alignment finds if both explain the points.
 
         Alone, its residual is infinite if that scale is beyond `_LARGEST_SCALE_WITHIN`.
@@ -216,28 +203,20 @@ def _findings(best: _Judged, as_well: list[str], start_m: float) -> list[Finding
     before = f"{start_m * 1000:.1f} mm RMS remain" if np.isfinite(start_m) else "no base and tool fit"
     so = "with this correction" if len(parts) == 1 else "with all corrections found here"
     figures = f"with nominal kinematics and the files as they are {before}, {best.rms_m * 1000:.2f} mm {so}"
-    evidence = {
-        "rms_m": start_m if np.isfinite(start_m) else None,
-        "rms_m_if_changed": best.rms_m,
-        "as_well": as_well,
-    }
+    rms_m = start_m if np.isfinite(start_m) else None
+    evidence = {"rms_m": rms_m, "rms_m_if_changed": best.rms_m, "as_well": as_well}
     words = f" (or {'; or '.join(as_well)})" if as_well else ""
-    return [
-        Finding(
-            part.code,
-            "error",
-            f"{part.sentence}{words}: {figures}",
-            {**part.figures, **evidence},
-            part.remedy,
-        )
-        for part in parts
-    ]
+    findings = []
+    for part in parts:
+        message = f"{part.sentence}{words}: {figures}"
+        findings.append(Finding(part.code, "error", message, {**part.figures, **evidence}, part.remedy))
+    return findings
 
 
 def _by_geometry(reading: Reading) -> Geometry | None:
     """Geometry alone fitted to a reading; None if it does not explain the points within the errors that arms have."""
     try:
-        geometry = fit_geometry(thinned(reading.columns, _ROWS_OF_GEOMETRY), reading.robot)
+        geometry = Geometry(thinned(reading.columns, _ROWS_OF_GEOMETRY), reading.robot)
     except (ValueError, np.linalg.LinAlgError):
         return None
     return geometry if geometry.explains else None

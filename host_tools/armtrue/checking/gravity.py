@@ -29,7 +29,17 @@ def find(base: dict[str, Any], robot: Robot) -> Iterator[Finding]:
         return
     measuring_from_base = matrix_from_rpy(base["rpy"])
     if robot.gravity_stated:
-        yield from _upwards(np.array(robot.spec["gravity"], dtype=np.float64), measuring_from_base)
+        gravity = np.array(robot.spec["gravity"], dtype=np.float64)
+        if _degrees_from_z(measuring_from_base @ gravity) <= _PLUMB_DEGREES:
+            down = [-float(value) + 0.0 for value in gravity]
+            yield Finding(
+                "gravity_upwards",
+                "warning",
+                f"'gravity' of robot.yaml, {gravity.tolist()}, points up in the measuring frame: springs would deflect "
+                "against their loads",
+                {"gravity": down},
+                f"If the tracker is level (its z is up), write 'gravity: {down}', the direction in which things fall.",
+            )
         return
     tilt = _degrees_from_z(measuring_from_base[:, 2])
     if tilt < _UPRIGHT_DEGREES:
@@ -49,17 +59,3 @@ def find(base: dict[str, Any], robot: Robot) -> Iterator[Finding]:
 
 def _degrees_from_z(direction: Array) -> float:
     return math.degrees(math.atan2(math.hypot(direction[0], direction[1]), direction[2]))
-
-
-def _upwards(gravity: Array, measuring_from_base: Array) -> Iterator[Finding]:
-    if _degrees_from_z(measuring_from_base @ gravity) > _PLUMB_DEGREES:
-        return
-    down = [-float(value) + 0.0 for value in gravity]
-    yield Finding(
-        "gravity_upwards",
-        "warning",
-        f"'gravity' of robot.yaml, {gravity.tolist()}, points up in the measuring frame: springs would deflect "
-        "against their loads",
-        {"gravity": down},
-        f"If the tracker is level (its z is up), write 'gravity: {down}', the direction in which things fall.",
-    )

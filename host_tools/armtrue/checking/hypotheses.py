@@ -123,11 +123,12 @@ def zero(joint: int, degrees: float, robot: Robot) -> Hypothesis:
     """The zero of `joint` is `degrees` from that in `robot`."""
     turn = math.radians(degrees)
     name = f"q{joint}"
-    remedy = f"Add {turn:+.6f} to the offset of joint {joint} in robot.yaml."
     passive = joint in robot.passive
-    if passive and robot.urdf is not None:
+    if robot.urdf is None:
+        remedy = f"Add {turn:+.6f} to the offset of joint {joint} in robot.yaml."
+    elif passive:
         remedy = f"Add {turn:+.6f} to the offset of joint {joint}'s <mimic> in {robot.urdf.name}."
-    elif robot.urdf is not None:
+    else:
         # A URDF has no offsets, and robot.yaml states none beside a URDF.
         remedy = (
             f"Give {name} its offset in a dataset.yaml, '{name}: {{column: {name}, offset: {turn:.6f}}}', added to an "
@@ -156,22 +157,19 @@ def _with_offset(reading: Reading, joint: int, turn: float) -> Reading:
 
 
 def _couplings(robot: Robot) -> Iterator[Hypothesis]:
-    given = {(row["joint"], row["driving"]): row["ratio"] for row in robot.spec.get("coupling", [])}
+    rows = {(row["joint"], row["driving"]): row for row in robot.spec.get("coupling", [])}
     # Couplings of kind controller are already removed from the reported angles.
-    reported = {
-        (row["joint"], row["driving"])
-        for row in robot.spec.get("coupling", [])
-        if row.get("kind") == "controller"
-    }
+    reported = {pair for pair, row in rows.items() if row.get("kind") == "controller"}
     for joint in range(2, robot.joint_count + 1):
         passive = joint in robot.passive
         # Bars can connect a passive joint with any joint before it.
         for driving in [k for k in robot.motors if k < joint] if passive else [joint - 1]:
             if driving in robot.passive or (joint, driving) in reported:
                 continue
-            others = any(pair[0] == joint and pair[1] != driving for pair in given)
+            others = any(pair[0] == joint and pair[1] != driving for pair in rows)
+            given = rows[joint, driving]["ratio"] if (joint, driving) in rows else 0.0
             for right in (-1.0, 0.0, 1.0) if others or not passive else (-1.0, 1.0):
-                if right != given.get((joint, driving), 0.0):
+                if right != given:
                     yield _coupling(joint, driving, right, passive)
 
 
@@ -230,16 +228,15 @@ def _angles_of_joints(robot: Robot) -> Iterator[Hypothesis]:
 
 def _conventions_of_the_table(robot: Robot) -> Iterator[Hypothesis]:
     kinematics = robot.spec["kinematics"]
-    others = {"dh": "mdh", "mdh": "dh"}
-    other = others.get(kinematics["convention"])
-    if other is not None:
-        meant = {
-            "dh": "standard Denavit-Hartenberg (a and alpha after the row's rotation)",
-            "mdh": "modified Denavit-Hartenberg (Craig's: a and alpha before the row's rotation)",
-        }
+    others = {
+        "dh": ("mdh", "modified Denavit-Hartenberg (Craig's: a and alpha before the row's rotation)"),
+        "mdh": ("dh", "standard Denavit-Hartenberg (a and alpha after the row's rotation)"),
+    }
+    if kinematics["convention"] in others:
+        other, meant = others[kinematics["convention"]]
         yield Hypothesis(
             "dh_convention",
-            f"the table in robot.yaml is {meant[other]}",
+            f"the table in robot.yaml is {meant}",
             f"Give robot.yaml 'convention: {other}'.",
             lambda reading: reading.with_spec(kinematics={**reading.spec["kinematics"], "convention": other}),
             frozenset({"table"}),
@@ -283,13 +280,8 @@ def _orders(robot: Robot) -> Iterator[Hypothesis]:
             # Rows at the ends have no partner and repeat their neighbour, so that all readings have the same length.
             count = len(reading.columns["x"])
             own = np.clip(np.arange(count), 1, count - 2)
-            return Reading(
-                {
-                    name: values[own + lag if name in POSITION else own]
-                    for name, values in reading.columns.items()
-                },
-                reading.spec,
-            )
+            rows = {name: own + lag if name in POSITION else own for name in reading.columns}
+            return Reading({name: reading.columns[name][at] for name, at in rows.items()}, reading.spec)
 
         yield Hypothesis(
             "rows_shifted",

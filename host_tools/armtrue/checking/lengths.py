@@ -8,19 +8,13 @@ import numpy as np
 
 from armtrue.checking.alignment import Columns, align, thinned
 from armtrue.checking.scatter.repeats import set_up_of_row
-from armtrue.io.columns import POSITION
+from armtrue.io.columns import POSITION, UNITS
 from armtrue.io.robot import Robot
 
 # Errors of nominal geometry change the scale by less than this.
 TOLERANCE = 0.02
-# Size in metres and plural name of each unit.
-_UNITS = {
-    "m": (1.0, "metres"),
-    "mm": (1e-3, "millimetres"),
-    "cm": (1e-2, "centimetres"),
-    "in": (0.0254, "inches"),
-    "ft": (0.3048, "feet"),
-}
+# Plurals of the units that positions may be in.
+_NAMES = {"m": "metres", "mm": "millimetres", "cm": "centimetres", "in": "inches", "ft": "feet"}
 _ROWS = 200
 # No arm reaches further [m]: where one seems to, its own lengths are in another unit.
 _LONGEST_ARM_M = 30.0
@@ -49,17 +43,15 @@ def nearest_unit(columns: Columns, robot: Robot) -> float:
     scale = scale_of(columns, robot)
     if not scale > 0.0:
         return 1000.0
-    others = (size for size, _ in _UNITS.values() if size != 1.0)
+    others = (UNITS[unit][1] for unit in _NAMES if unit != "m")
     return 1.0 / min(others, key=lambda size: abs(math.log(scale * size)))
 
 
 def true_unit(scale: float, read_as: str = "m") -> str | None:
     """The unit of lengths that come out `scale` times too large when read in `read_as`; None where none is known."""
-    size = _UNITS[read_as][0] / scale if read_as in _UNITS else math.inf
-    near = [
-        unit for unit, (own, _) in _UNITS.items() if unit != read_as and abs(own / size - 1.0) < TOLERANCE
-    ]
-    return near[0] if near else None
+    size = UNITS[read_as][1] / scale if read_as in _NAMES else math.inf
+    others = (unit for unit in _NAMES if unit != read_as)
+    return next((unit for unit in others if abs(UNITS[unit][1] / size - 1.0) < TOLERANCE), None)
 
 
 def unit_of_points(scale: float, robot: Robot) -> str | None:
@@ -69,7 +61,9 @@ def unit_of_points(scale: float, robot: Robot) -> str | None:
 
 def words_of_points(scale: float) -> str:
     """The unit, in words, that makes positions `scale` times as large as the arm."""
-    return _words(*_mistaken(scale))
+    true, read = _mistaken(scale)
+    named = _NAMES[true] if true else "another unit"
+    return named if read == "m" else f"{named}, read as {_NAMES[read]}"
 
 
 def sentence(scale: float, robot: Robot) -> str:
@@ -80,8 +74,11 @@ def sentence(scale: float, robot: Robot) -> str:
             f"measured positions: the lengths in {robot.kinematics_file} look like {words_of_points(1.0 / scale)}"
         )
     true, read = _mistaken(scale)
-    exact = f" = {_ratio(true, read)}" if true and read != "m" else ""
-    words = f"they look like {_words(true, read)}"
+    exact = ""
+    if true and read != "m":
+        factor = UNITS[read][1] / UNITS[true][1]
+        exact = f" = {factor:.4g}" if factor > 1.0 else f" = 1/{1.0 / factor:.4g}"
+    words = f"they look like {words_of_points(scale)}"
     if true is None:
         words = f"{robot.kinematics_file} or the instrument's scale is wrong"
     return f"the measured positions are {scale:.5g}{exact} times as large as the arm's kinematics: {words}"
@@ -91,27 +88,14 @@ def remedy(scale: float, robot: Robot) -> str:
     """Sentence on how to correct `scale`."""
     if _arm_is_in_another(scale, robot):
         return f"Write the lengths in {robot.kinematics_file} in metres."
-    true = unit_of_points(scale, robot)
-    return (
-        f"Give x, y, z 'unit: {true}' in a dataset.yaml."
-        if true
-        else f"Compare {robot.kinematics_file} with the arm's data sheet."
-    )
+    if true := unit_of_points(scale, robot):
+        return f"Give x, y, z 'unit: {true}' in a dataset.yaml."
+    return f"Compare {robot.kinematics_file} with the arm's data sheet."
 
 
 def _mistaken(scale: float) -> tuple[str | None, str]:
     """The true unit of lengths that are `scale` times too large (None: unknown), and the unit they were read in."""
-    return next(((true, read) for read in _UNITS if (true := true_unit(scale, read))), (None, "m"))
-
-
-def _words(true: str | None, read: str) -> str:
-    named = _UNITS[true][1] if true else "another unit"
-    return named if read == "m" else f"{named}, read as {_UNITS[read][1]}"
-
-
-def _ratio(true: str, read: str) -> str:
-    factor = _UNITS[read][0] / _UNITS[true][0]
-    return f"{factor:.4g}" if factor > 1.0 else f"1/{1.0 / factor:.4g}"
+    return next(((true, read) for read in _NAMES if (true := true_unit(scale, read))), (None, "m"))
 
 
 def _arm_is_in_another(scale: float, robot: Robot) -> bool:

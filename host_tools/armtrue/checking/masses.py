@@ -42,35 +42,24 @@ def _of_payload(data: Dataset, robot: Robot) -> Iterator[Finding]:
 
 def _of_links(robot: Robot) -> Iterator[Finding]:
     furthest = robot.reach_m + _BEYOND_REACH_M
-    links = "links" if robot.urdf is None else f"{robot.urdf.name}: links on joint"
-    centres = [
-        (f"{links}[{k}].com", link["com"]) for k, link in enumerate(robot.spec.get("links", []), start=1)
-    ]
-    if "payload" in robot.spec:
-        centres.append(("payload.com", robot.spec["payload"]["com"]))
-    for place, centre in centres:
-        away = math.hypot(*centre)
-        if away > furthest:
-            yield _finding(
-                place,
-                away,
-                f"a centre of mass {away:.4g} m from its frame",
-                f"{furthest:.3g} m at most",
-                "millimetres",
-            )
-    for k, link in enumerate(robot.spec.get("links", []), start=1):
-        if link["mass"] > _HEAVIEST_LINK_KG:
-            found = f"a mass of {link['mass']:.5g} kg"
-            yield _finding(
-                f"{links}[{k}].mass", link["mass"], found, f"{_HEAVIEST_LINK_KG:.0f} kg at most", "grams"
-            )
+    named = "links" if robot.urdf is None else f"{robot.urdf.name}: links on joint"
+    links = {f"{named}[{k}]": link for k, link in enumerate(robot.spec.get("links", []), start=1)}
+    with_payload = {**links, "payload": robot.spec["payload"]} if "payload" in robot.spec else links
+    for place, link in with_payload.items():
+        if (away := math.hypot(*link["com"])) > furthest:
+            found = f"a centre of mass {away:.4g} m from its frame, expected {furthest:.3g} m at most"
+            yield _finding(f"{place}.com", away, found, "millimetres")
+    for place, link in links.items():
+        if (mass := link["mass"]) > _HEAVIEST_LINK_KG:
+            found = f"a mass of {mass:.5g} kg, expected {_HEAVIEST_LINK_KG:.0f} kg at most"
+            yield _finding(f"{place}.mass", mass, found, "grams")
 
 
-def _finding(place: str, value: float, found: str, expected: str, likely: str) -> Finding:
+def _finding(place: str, value: float, found: str, likely: str) -> Finding:
     return Finding(
         "masses",
         "error",
-        f"{place}: found {found}, expected {expected} (this looks like {likely})",
+        f"{place}: found {found} (this looks like {likely})",
         {"place": place, "found": value},
         "Correct the masses in robot.yaml or the URDF, or leave them out: springs are then fitted without them.",
     )

@@ -55,15 +55,14 @@ def _out_of_limits(data: Dataset, robot: Robot) -> Iterator[Finding]:
             continue
         lo, hi = joint["limits"]
         # The limits of a passive joint apply to the angle that the couplings give it.
-        values = (
-            (data.joints @ robot.mechanical_coupling[k - 1]) if k in robot.passive else data.columns[f"q{k}"]
-        )
+        passive = k in robot.passive
+        values = data.joints @ robot.mechanical_coupling[k - 1] if passive else data.columns[f"q{k}"]
         # A thousandth of the range: limits in robot files are rounded.
         slack = 1e-3 * (hi - lo)
         outside = (values < lo - slack) | (values > hi + slack)
         if outside.any():
             furthest = float(np.max(np.maximum(lo - values, values - hi)))
-            done = "turned" if k in robot.passive else "commanded"
+            done = "turned" if passive else "commanded"
             yield Finding(
                 "out_of_limits",
                 "warning",
@@ -135,7 +134,9 @@ def _repeats(data: Dataset) -> Iterator[Finding]:
     if "repeat" in data.columns:
         yield from _repeats_that_differ(data)
     elif again.any():
-        scatter = _scatter(data, pose, again)
+        scatter = ""
+        if data.has_positions:
+            scatter = f" (they scatter by {scatter_m(data.positions_m[again], pose[again]) * 1e6:.1f} µm)"
         count = int((sizes > 1).sum())
         several = f"{plural(count, 'pose')} {'is' if count == 1 else 'are'}"
         yield Finding(
@@ -155,11 +156,9 @@ def _repeats(data: Dataset) -> Iterator[Finding]:
         _, row_of, counts = np.unique(whole, axis=0, return_inverse=True, return_counts=True)
         copies = counts[row_of] > 1
         if copies.any():
-            same = (
-                "rows equal in every column"
-                if is_rounded
-                else "the same joints and the same position to the nanometre"
-            )
+            same = "the same joints and the same position to the nanometre"
+            if is_rounded:
+                same = "rows equal in every column"
             yield Finding(
                 "duplicate_rows",
                 "warning",
@@ -168,12 +167,6 @@ def _repeats(data: Dataset) -> Iterator[Finding]:
                 "Remove the copies. A fit leaves out those that are equal in every column; others count as "
                 "independent measurements and make its standard deviations too small.",
             )
-
-
-def _scatter(data: Dataset, pose: NDArray[np.int64], again: NDArray[np.bool_]) -> str:
-    if not data.has_positions:
-        return ""
-    return f" (they scatter by {scatter_m(data.positions_m[again], pose[again]) * 1e6:.1f} µm)"
 
 
 def _repeats_that_differ(data: Dataset) -> Iterator[Finding]:

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from armtrue.arrays import Array
+from armtrue.arrays import Array, nearest_rotation, rigid_motion
 from armtrue.checking.alignment import Columns, align, alignment_columns, evenly, thinned
-from armtrue.checking.moved.geometry import rigid
 from armtrue.checking.report import Finding
 from armtrue.io.columns import POSITION, QUATERNION
 from armtrue.io.dataset import Dataset
@@ -26,23 +25,20 @@ _ROWS = 60
 _FEWEST_OF_SET_UP = 4
 _REMEDY = "Correct the rotation's order, sequence, axes or unit in dataset.yaml; until then fit without orientations."
 # Other meanings of the columns as read: places of w, x, y, z among them, whether inverted, and a description.
-_MEANT = (
+_MEANT = {
     (
         (1, 2, 3, 0),
         False,
-        "the quaternion's components are in the order w, x, y, z and were read as x, y, z, w",
-    ),
+    ): "the quaternion's components are in the order w, x, y, z and were read as x, y, z, w",
     (
         (3, 0, 1, 2),
         False,
-        "the quaternion's components are in the order x, y, z, w and were read as w, x, y, z",
-    ),
+    ): "the quaternion's components are in the order x, y, z, w and were read as w, x, y, z",
     (
         (0, 1, 2, 3),
         True,
-        "the rotations are those of the measuring frame in the tool, the inverse of what is expected",
-    ),
-)
+    ): "the rotations are those of the measuring frame in the tool, the inverse of what is expected",
+}
 
 
 def find(data: Dataset, measured: Columns, robot: Robot) -> list[Finding]:
@@ -68,10 +64,9 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> list[Finding]:
     if angle <= _LARGEST_ANGLE:
         return []
     words = f"measured orientations do not turn with the arm: typically {math.degrees(angle):.0f}° away"
-    for places, inverted, meant in _MEANT:
-        if typical_angle(places, inverted) <= _LARGEST_ANGLE:
-            words += f"; they do where {meant}"
-            break
+    meant = (words for reading, words in _MEANT.items() if typical_angle(*reading) <= _LARGEST_ANGLE)
+    if likeliest := next(meant, None):
+        words += f"; they do where {likeliest}"
     evidence: dict[str, Any] = {"typical_angle_rad": angle}
     remedy = _REMEDY
     if data.turns is not None and data.rotation is not None:
@@ -79,10 +74,8 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> list[Finding]:
         if left <= _LARGEST_ANGLE:
             evidence["typical_angle_rad_if_changed"] = left
             words += f", and {math.degrees(left):.2g}° with the best of the other conventions"
-            form = ", ".join(
-                f"{key}: {'[' + ', '.join(value) + ']' if isinstance(value, list) else value}"
-                for key, value in keys.items()
-            )
+            listed = {**keys, "columns": f"[{', '.join(keys['columns'])}]"}
+            form = ", ".join(f"{key}: {value}" for key, value in listed.items())
             remedy = f"Give dataset.yaml 'rotation: {{{form}}}'."
     return [Finding("orientations_do_not_follow", "error", words, evidence, remedy)]
 
@@ -102,13 +95,9 @@ def rotation_that_follows(
         if keys["form"] == "matrix":
             return _matrix_that_follows(nominal, _matrices(quaternion), target, keys)
         orders = {"wxyz": (0, 1, 2, 3), "xyzw": (3, 0, 1, 2)}
-        angles = {
-            order: _typical_angle(nominal, _matrices(quaternion[:, places]), target)
-            for order, places in orders.items()
-        }
-        best = min(angles, key=angles.__getitem__)
-        found = {**keys, "order": best}
-        return (found, math.degrees(angles[best])) if angles[best] <= _LARGEST_ANGLE else None
+        turned = {order: _matrices(quaternion[:, places]) for order, places in orders.items()}
+        angle, best = min((_typical_angle(nominal, turned[order], target), order) for order in orders)
+        return ({**keys, "order": best}, math.degrees(angle)) if angle <= _LARGEST_ANGLE else None
     as_vector = _typical_angle(nominal, matrix_from_rotation_vector(data.turns), target)
     if as_vector <= _LARGEST_ANGLE:
         vector = {"form": "rotation_vector", "columns": keys["columns"], "unit": keys["unit"]}
@@ -146,7 +135,7 @@ def _nominal(measured: Columns, robot: Robot) -> Array:
     for station in np.unique(measured["station"]):
         rows = measured["station"] == station
         if np.count_nonzero(rows) >= _FEWEST_OF_SET_UP:
-            rotation[rows] = rigid(points[rows], seen[rows])[:3, :3] @ rotation[rows]
+            rotation[rows] = rigid_motion(points[rows], seen[rows])[:3, :3] @ rotation[rows]
     return rotation
 
 
@@ -173,11 +162,12 @@ def _best_convention(
         # Rounded, so that equivalent conventions are equal: intrinsic XYZ is extrinsic ZYX with its columns reversed.
         rank = (round(left, 6), changes)
         if rank < best[:2]:
+            columns, axes = [source.headers[at] for at in order], "intrinsic" if intrinsic else "extrinsic"
             keys = {
                 "form": "euler",
-                "columns": [source.headers[at] for at in order],
+                "columns": columns,
                 "sequence": sequence.upper(),
-                "axes": "intrinsic" if intrinsic else "extrinsic",
+                "axes": axes,
                 "unit": unit,
             }
             best = (*rank, keys)
@@ -190,8 +180,7 @@ def _typical_angle(nominal: Array, measured: Array, target: Array) -> float:
     for one in np.unique(target):
         rows = target == one
         relative = np.swapaxes(nominal[rows], 1, 2) @ measured[rows]
-        u, _, vt = np.linalg.svd(relative.sum(axis=0))
-        attitude = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        attitude = nearest_rotation(relative.sum(axis=0))
         cosine = (np.einsum("nij,ij->n", relative, attitude) - 1.0) / 2.0
         angles.append(np.arccos(np.clip(cosine, -1.0, 1.0)))
     return float(np.median(np.concatenate(angles)))

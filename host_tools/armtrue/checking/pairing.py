@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.arrays import Array
-from armtrue.checking.alignment import NOMINAL_ERROR_PER_REACH, Columns, align, evenly
+from armtrue.checking.alignment import NOMINAL_ERROR_PER_REACH, Alignment, Columns, align, evenly
 from armtrue.checking.motion import name_rows
 from armtrue.checking.placement import Reading, lower_bounds
 from armtrue.checking.report import Finding, Severity
@@ -87,7 +87,10 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> tuple[list[Finding],
     if "station" in measured:
         # Each set-up of the tracker has its own base, which this search does not model.
         return [], nothing
-    placed = _place(measured, robot)
+    # Base and tools that explain most rows by some lag or reflector.
+    search = _Search(measured, robot)
+    all_placed = (search.placed(lag, chosen) for lag, chosen in search.starts())
+    placed = next((one for one in all_placed if one and one.explained().mean() >= _EXPLAINED), None)
     if placed is None:
         return [], nothing
     findings: list[Finding] = []
@@ -100,16 +103,6 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> tuple[list[Finding],
         findings.append(found)
         rows |= block
     return findings, rows
-
-
-def _place(measured: Columns, robot: Robot) -> _Placed | None:
-    """Distances with base and tools that explain most rows (`_EXPLAINED`) by some lag or reflector, or None."""
-    search = _Search(measured, robot)
-    for lag, chosen in search.starts():
-        placed = search.placed(lag, chosen)
-        if placed is not None and placed.explained().mean() >= _EXPLAINED:
-            return placed
-    return None
 
 
 class _Search:
@@ -139,7 +132,12 @@ class _Search:
             if size >= self._count:
                 continue
             windows = [whole[first : first + size] for first in range(0, self._count - size + 1, size // 2)]
-            tried = [(lag, window) for window in windows for lag in (0, *_LAGS) if self._reaches(lag, window)]
+            tried = [
+                (lag, window)
+                for window in windows
+                for lag in (0, *_LAGS)
+                if window[0] + lag >= 0 and window[-1] + lag < self._count
+            ]
             readings = []
             for lag, window in tried:
                 rows = window[evenly(size, _ROWS)]
@@ -150,9 +148,6 @@ class _Search:
             bounds = lower_bounds([readings[at] for at in most])
             lag, window = tried[most[int(np.argmin(bounds))]]
             yield np.full(size, lag), window
-
-    def _reaches(self, lag: int, rows: NDArray[np.int64]) -> bool:
-        return bool(rows[0] + lag >= 0 and rows[-1] + lag < self._count)
 
     def _paired(
         self, lag: NDArray[np.int64], rows: NDArray[np.int64], target: NDArray[np.int64] | None = None
@@ -175,11 +170,8 @@ class _Search:
                 return None
             chosen = evenly(rows.size, _ROWS)
             aligned = align(self._paired(lag[chosen], rows[chosen], target[chosen]), self._robot)
-            placed = self._distances(
-                aligned.measuring_from_base, aligned.flange_from_tool, target[chosen], limit
-            )
-            explained = placed.explained()
-            rows = np.flatnonzero(explained)
+            placed = self._distances(aligned, target[chosen], limit)
+            rows = np.flatnonzero(placed.explained())
             lag = placed.best_lag()[rows]
             target = placed.best_target(self._target)[rows]
             target = np.where(lag == 0, target, self._target[rows + lag])
@@ -188,15 +180,10 @@ class _Search:
                 limit = min(self._widest_m, gross_limit_m(as_they_stand))
         return placed
 
-    def _distances(
-        self,
-        base: dict[str, list[float]],
-        tools: dict[str, dict[str, list[float]]],
-        target: NDArray[np.int64],
-        limit_m: float,
-    ) -> _Placed:
+    def _distances(self, aligned: Alignment, target: NDArray[np.int64], limit_m: float) -> _Placed:
+        tools = aligned.flange_from_tool
         predicted = np.full((len(self._names), self._count, 3), np.inf)
-        from_flange = pose(dict(base)) @ self._flange
+        from_flange = pose(dict(aligned.measuring_from_base)) @ self._flange
         for place, code in enumerate(np.unique(target)):
             # With a single tool, its key in `tools` is not a number.
             tool = np.array(tools.get(str(place), next(iter(tools.values())))["xyz"])
@@ -256,10 +243,10 @@ def _shifts(data: Dataset, placed: _Placed) -> Iterator[tuple[Finding, Mask]]:
 def _shift(data: Dataset, placed: _Placed, lag: int, inside: Mask, where: str) -> Finding:
     """`where`: its rows in words."""
     first, last = (int(row) for row in data.rows[inside][[0, -1]])
-    far = f"{plural(abs(lag), 'row')} further {'down' if lag > 0 else 'up'}"
+    by = plural(abs(lag), "row")
+    far = f"{by} further {'down' if lag > 0 else 'up'}"
     whose = {1: "of the next row", -1: "of the row before"}.get(lag, far)
     figures = _figures(placed.own[inside], placed.shifted[lag][inside])
-    by = plural(abs(lag), "row")
     if lag > 0:
         cause = "as if the tracker had lost a reading and the next ones had moved up"
         remedy = (

@@ -42,9 +42,8 @@ class CheckReport:
 
     def summary(self) -> str:
         """One sentence that counts the findings."""
-        counts = {severity: sum(f.severity == severity for f in self.findings) for severity in _ORDER}
-        words = [plural(count, severity) for severity, count in counts.items()]
-        return ", ".join(words)
+        found = [finding.severity for finding in self.findings]
+        return ", ".join(plural(found.count(severity), severity) for severity in _ORDER)
 
     def document(self) -> dict[str, Any]:
         """JSON-able form; a figure that is not finite is null."""
@@ -56,15 +55,10 @@ class CheckReport:
         return html_table(["", "finding", "what", "what to do"], rows, self.summary())
 
     def __str__(self) -> str:
-        return "\n".join(
-            [
-                *(
-                    f"{f.severity}: {f.code}: {f.message.rstrip('.')}. {f.remedy}".rstrip()
-                    for f in self.findings
-                ),
-                self.summary(),
-            ]
-        )
+        lines = [
+            f"{f.severity}: {f.code}: {f.message.rstrip('.')}. {f.remedy}".rstrip() for f in self.findings
+        ]
+        return "\n".join([*lines, self.summary()])
 
 
 def _without_infinities(value: Any) -> Any:

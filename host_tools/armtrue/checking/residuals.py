@@ -33,14 +33,13 @@ def gross_limit_m(residual_m: Array) -> float:
 def find_gross(data: Dataset, alignment: Alignment) -> Iterator[Finding]:
     """A warning that names the rows whose position stands out from all others."""
     residual = alignment.residual_m
-    centre = float(np.median(residual))
     gross = residual > gross_limit_m(residual)
     if gross.any():
         yield Finding(
             "gross_errors",
             "warning",
             f"{name_rows(data, gross)}: up to {float(residual[gross].max()) * 1000:.1f} mm off, while half of all rows "
-            f"are within {centre * 1000:.2f} mm",
+            f"are within {float(np.median(residual)) * 1000:.2f} mm",
             {"rows": data.rows[gross].tolist(), "residual_m": residual[gross].tolist()},
             "Check whether the reflector was bumped or another one was measured; a fit leaves such rows out.",
         )

@@ -27,7 +27,7 @@ from armtrue.checking.moved import jumps, steps
 from armtrue.checking.report import CheckReport, Finding
 from armtrue.checking.scatter import distances, drift
 from armtrue.errors import InputError
-from armtrue.io.dataset import Dataset, fixed_targets, without_fixed_targets
+from armtrue.io.dataset import Dataset, without_fixed_targets
 from armtrue.io.plausible import too_few_poses
 from armtrue.io.robot import Robot
 
@@ -47,16 +47,11 @@ def check(data: Dataset, robot: Robot) -> CheckReport:
     findings = cheap_findings(data, robot)
     data = data.take(~data.lost)
     findings += drift.find(data) if data.count else []
-    if _has_all_coordinates(data) and not any(
-        finding.code in NO_ARM and finding.severity == "error" for finding in findings
-    ):
-        riding = _riding(data)
-        named = [
-            row
-            for finding in findings
-            if finding.code in pairing.CODES
-            for row in finding.evidence.get("rows", [])
-        ]
+    hopeless = any(finding.code in NO_ARM and finding.severity == "error" for finding in findings)
+    if _has_all_coordinates(data) and not hopeless:
+        riding = without_fixed_targets(data)
+        of_pairing = [finding.evidence for finding in findings if finding.code in pairing.CODES]
+        named = [row for evidence in of_pairing for row in evidence.get("rows", [])]
         riding = riding.take(~np.isin(riding.rows, named))
         riding = replace(riding, columns=units.in_si_units(riding.columns, robot))
         alignment = align(alignment_columns(riding), robot)
@@ -75,9 +70,6 @@ def cheap_findings(data: Dataset, robot: Robot) -> list[Finding]:
     in_radians = replace(data, columns=units.joints_in_si_units(data.columns, robot))
     findings = [
         *units.find(data, robot),
-        *units.find_time(data, robot),
-        *units.find_travel(data, robot),
-        *units.find_ratios(robot),
         *masses.find(data, robot),
         *motion.find(in_radians, robot),
         *few_values.find(in_radians, robot),
@@ -125,13 +117,8 @@ def _has_all_coordinates(data: Dataset) -> bool:
     return data.has_positions and data.count > 0 and all(data.columns[name].any() for name in "xyz")
 
 
-def _riding(data: Dataset) -> Dataset:
-    """The rows of reflectors that are mounted on the arm."""
-    return without_fixed_targets(data) if fixed_targets(data) else data
-
-
 def _against_kinematics(data: Dataset, robot: Robot) -> list[Finding]:
-    riding = _riding(data)
+    riding = without_fixed_targets(data)
     too_few = too_few_poses(riding.joints)
     if too_few is not None:
         remedy = "Measure more poses, further apart; a calibration needs about 60 or more."

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from armtrue.arrays import rms_length
 from armtrue.checking import directions
 from armtrue.checking.alignment import evenly
 from armtrue.checking.report import Finding
@@ -30,6 +31,7 @@ _DIRECTION = re.compile(r"dir([0-9]+)")
 # Columns that are no cause of errors: joints (their standstill is another finding), measured values and groupings.
 _NO_CAUSE = re.compile(r"qr?[0-9]+|q[wxyz]|[xyz]|travel[0-9]+|sigma|repeat|target|station|nest")
 _FROM_BOTH_SIDES = "Approach some poses from the other side ('armtrue plan' with --levels dir=-1,1)."
+_ONLY_THE_SUM = "Measure poses that differ more, or accept that only the sum of the two is known."
 _OTHER_VALUES = "Measure some poses at another value if you suspect an effect that depends on it."
 
 
@@ -74,32 +76,15 @@ def _of_a_fit(data: Dataset, robot: Robot) -> list[Finding]:
         untestable = json.loads(_core.untestable(geometry.core))
     except InputError as error:
         return [Finding("no_fit", "warning", f"the geometry cannot be fitted to these data: {error}")]
-    findings = [
-        Finding(
-            "cannot_tell",
-            "note",
-            sentence,
-            {},
-            "Measure poses that differ more, or accept that only the sum of the two is known.",
-        )
-        for sentence in geometry.document["unobservable"]
-        if _OF_THESE_POSES in sentence
-    ]
+    pairs = [sentence for sentence in geometry.document["unobservable"] if _OF_THESE_POSES in sentence]
+    findings = [Finding("cannot_tell", "note", sentence, {}, _ONLY_THE_SUM) for sentence in pairs]
     repeats_m = repeats_scatter_m(data)
-    findings += sigma.find(
-        data, repeats_m, float(np.sqrt(np.mean(np.sum(geometry.residuals() ** 2, axis=1))))
-    )
+    findings += sigma.find(data, repeats_m, rms_length(geometry.residuals()))
     findings += rounding.find(data, robot, geometry, repeats_m)
-    return findings + [
-        Finding(
-            "untestable",
-            "note",
-            f"{entry['effect']} cannot be tested without {needs_words(entry['needs'])}",
-            entry,
-            _way_to_test(entry["needs"]),
-        )
-        for entry in untestable
-    ]
+    for entry in untestable:
+        words = f"{entry['effect']} cannot be tested without {needs_words(entry['needs'])}"
+        findings.append(Finding("untestable", "note", words, entry, _way_to_test(entry["needs"])))
+    return findings
 
 
 def _way_to_test(needs: list[str]) -> str:

@@ -41,21 +41,19 @@ def find(data: Dataset) -> list[Finding]:
     return [finding for name in _thermometers(data) for finding in _of_column(data, name)]
 
 
-def without_columns(data: Dataset, robot: Robot) -> list[Finding]:
+def without_columns(data: Dataset, robot: Robot) -> Iterator[Finding]:
     """A warning for each sensor of robot.yaml without a column in the file; a note if the file has no such column."""
     columns = _thermometers(data)
-    return [
-        Finding(
-            "sensor_not_recorded",
-            "warning" if columns else "note",
-            f"temperature.sensors of robot.yaml: found '{sensor}', expected a column temp_{sensor} of it in "
-            f"{data.file.name}{did_you_mean(f'temp_{sensor}', columns)}",
-            {"sensor": sensor},
-            "Name the sensor as its column, record it, or take it out of robot.yaml.",
-        )
-        for sensor in robot.sensors
-        if f"temp_{sensor}" not in columns
-    ]
+    for sensor in robot.sensors:
+        if f"temp_{sensor}" not in columns:
+            yield Finding(
+                "sensor_not_recorded",
+                "warning" if columns else "note",
+                f"temperature.sensors of robot.yaml: found '{sensor}', expected a column temp_{sensor} of it in "
+                f"{data.file.name}{did_you_mean(f'temp_{sensor}', columns)}",
+                {"sensor": sensor},
+                "Name the sensor as its column, record it, or take it out of robot.yaml.",
+            )
 
 
 def _thermometers(data: Dataset) -> list[str]:
@@ -78,7 +76,8 @@ def _of_column(data: Dataset, name: str) -> Iterator[Finding]:
         return
     order = np.argsort(data.clock, kind="stable")
     off = np.zeros(data.count, dtype=np.bool_)
-    for value in _alone(distinct):
+    wide = np.diff(distinct, prepend=-np.inf, append=np.inf) >= _APART_K
+    for value in distinct[wide[:-1] & wide[1:]]:
         rows = values == value
         if np.count_nonzero(rows) < 2 and value not in _ERROR_VALUES and not _is_spike(values[order], value):
             continue
@@ -93,12 +92,6 @@ def _of_column(data: Dataset, name: str) -> Iterator[Finding]:
             "these rows: thermal effects are fitted to this column.",
         )
     yield from _still(data, name, order[~off[order]])
-
-
-def _alone(distinct: Array) -> Array:
-    """Those of a column's sorted distinct values that are at least `_APART_K` from all others."""
-    wide = np.diff(distinct, prepend=-np.inf, append=np.inf) >= _APART_K
-    return distinct[wide[:-1] & wide[1:]]
 
 
 def _is_spike(values: Array, value: float) -> bool:
@@ -122,7 +115,9 @@ def _still(data: Dataset, name: str, order: NDArray[np.intp]) -> Iterator[Findin
     if time[last] <= time[first] or not (is_fine or _leaps(steps, elsewhere, time, first, last)):
         return
     stretch = order[first : last + 1]
-    took = f", {_duration(float(time[last] - time[first]))}" if "time" in data.columns else ""
+    seconds = float(time[last] - time[first])
+    took = f", {seconds / 3600.0:.1f} h" if seconds >= 7200.0 else f", {seconds / 60.0:.0f} min"
+    took = took if "time" in data.columns else ""
     rows = f"row {data.rows[stretch[0]]} to row {data.rows[stretch[-1]]}"
     yield Finding(
         "temperature_stands",
@@ -154,12 +149,7 @@ def _leaps(steps: Array, elsewhere: Array, time: Array, first: int, last: int) -
 
 def _others(data: Dataset, name: str, stretch: NDArray[np.intp]) -> str:
     """How much the other thermometers changed during the stretch, in words."""
-    spans = {
-        other: float(np.ptp(data.columns[other][stretch])) for other in _thermometers(data) if other != name
-    }
+    others = (other for other in _thermometers(data) if other != name)
+    spans = {other: float(np.ptp(data.columns[other][stretch])) for other in others}
     told = [f"{other} changed by {span:.1f} K" for other, span in spans.items() if span >= _TOLD_K]
     return f", while {' and '.join(told)}" if told else ""
-
-
-def _duration(seconds: float) -> str:
-    return f"{seconds / 3600.0:.1f} h" if seconds >= 7200.0 else f"{seconds / 60.0:.0f} min"

@@ -154,7 +154,7 @@ def test_thermometer_that_stops_changing_is_a_warning(campaign, last):
 
 def test_sensor_of_robot_file_without_a_column_is_named(campaign):
     data, robot = campaign()
-    assert temperatures.without_columns(data, robot) == []
+    assert list(temperatures.without_columns(data, robot)) == []
     other = Robot({**robot.spec, "temperature": {"reference": 20.0, "sensors": ["arn"]}})
     (found,) = temperatures.without_columns(data, other)
     assert found.severity == "warning"
@@ -211,7 +211,7 @@ def test_columns_that_never_change_are_named(campaign):
 def test_implausible_times_are_reported_as_another_unit(campaign, times, looks_like, unit):
     # Warm-up over time was attributed to the measured temperatures and to the warming of gears.
     data, robot = campaign(hidden=["warm_up"])
-    assert units.find_time(data, robot) == []
+    assert list(units.find_time(data, robot)) == []
     other = replace(data, columns={**data.columns, "time": times * data.columns["time"]})
     found = only(units.find_time(other, robot))
     assert found.code == "time_unit"
@@ -223,7 +223,7 @@ def test_implausible_times_are_reported_as_another_unit(campaign, times, looks_l
 
 def test_implausible_travel_is_reported_as_another_unit(campaign):
     data, robot = campaign(columns={"add": ["travel"]})
-    assert units.find_travel(data, robot) == []
+    assert list(units.find_travel(data, robot)) == []
     degrees = changed(data, travel3=np.degrees(data.columns["travel3"]))
     found = only(units.find_travel(degrees, robot))
     assert "'travel3: {column: travel3, unit: deg}'" in found.remedy
@@ -263,7 +263,7 @@ def test_untestable_effects_have_a_remedy_that_can_be_followed(campaign):
 
 def test_gear_ratio_below_one_is_reported(campaign):
     data, robot = campaign()
-    assert units.find_ratios(robot) == []
+    assert list(units.find_ratios(robot)) == []
     spec = robot.spec | {"kinematics": json.loads(json.dumps(robot.spec["kinematics"]))}
     spec["kinematics"]["joints"][1]["gear_ratio"] = -0.01
     found = only([one for one in check(data, Robot(spec)).findings if one.code == "gear_ratio"])
@@ -295,5 +295,5 @@ def test_restarted_clock_is_not_reported_as_unsorted_time(campaign):
 def test_plausible_times_give_no_finding(campaign, times):
     data, robot = campaign(hidden=["warm_up"])
     other = replace(data, columns={**data.columns, "time": 5.0 + times * data.columns["time"]})
-    assert units.find_time(other, robot) == []
-    assert units.find_time(data.take(np.arange(data.count) < 4), robot) == []
+    assert list(units.find_time(other, robot)) == []
+    assert list(units.find_time(data.take(np.arange(data.count) < 4), robot)) == []

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import datetime
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from armtrue.arrays import Array
-from armtrue.foreign.sheets import Sheet, is_number, to_float
+from armtrue.foreign.sheets import Sheet
 from armtrue.io.columns import UNITS
 from armtrue.io.layout import read_stamp
 from armtrue.units import plural
@@ -58,13 +58,14 @@ class Clock:
     factor: float = 1.0
     zero: float = 0.0
 
-    def seconds(self, cells: list[str], decimal: str) -> Array:
-        """Seconds of each of `cells`, from the same origin for all clocks of one kind."""
+    def seconds(self, sheet: Sheet, header: str) -> Array:
+        """Seconds of each cell of the column `header`, from the same origin for all clocks of one kind."""
         if self.pattern is not None:
-            return np.array([(read_stamp(cell, self.pattern) - _BEGIN).total_seconds() for cell in cells])
-        return np.array([to_float(cell, decimal) for cell in cells]) * self.factor + self.zero
+            stamps = [read_stamp(cell, self.pattern) for cell in sheet.cells(header)]
+            return np.array([(stamp - _BEGIN).total_seconds() for stamp in stamps])
+        return sheet.figures(header) * self.factor + self.zero
 
-    def entry(self, header: str, cells: list[str], decimal: str) -> tuple[str, Any]:
+    def entry(self, sheet: Sheet, header: str) -> tuple[str, Any]:
         """The section of dataset.yaml for this clock of the column `header`, "time" or "columns", and its entry."""
         if self.pattern is not None:
             return "time", {"column": header, "format": self.pattern}
@@ -75,20 +76,22 @@ class Clock:
         elif unit is None:
             column["scale"] = self.factor
         if self.kind != "seconds":
-            column["offset"] = -float(min(to_float(cell, decimal) for cell in cells)) * self.factor
+            column["offset"] = -float(sheet.figures(header).min()) * self.factor
         return "columns", column if len(column) > 1 else header
 
 
-def read_clock(cells: list[str], decimal: str, stated: str | None) -> Clock | None:
-    """The clock in `cells`, None if they are no clock. `stated`: the unit that their header states."""
-    if all(is_number(cell, decimal) for cell in cells) and not _digits(cells):
-        return _of_figures(np.array([to_float(cell, decimal) for cell in cells]), stated)
+def read_clock(sheet: Sheet, header: str) -> Clock | None:
+    """The clock in the column `header`; None if it is no clock."""
+    cells = sheet.cells(header)
+    if sheet.is_numeric(header) and not _digits(cells):
+        return _of_figures(sheet.figures(header), sheet.units.get(header))
     return _of_texts(cells)
 
 
-def is_clock(cells: list[str]) -> bool:
-    """True where `cells` are texts that tell a time of day, with a date or without."""
-    return ":" in cells[0] and _of_texts(cells) is not None
+def kind_of_texts(cells: list[str]) -> str | None:
+    """The kind of the clock in `cells` if they are texts that tell a time of day, "date" or "day", else None."""
+    found = _of_texts(cells) if ":" in cells[0] else None
+    return found.kind if found else None
 
 
 def why_no_clock(cells: list[str], rows: list[int]) -> str:
@@ -105,66 +108,47 @@ def why_no_clock(cells: list[str], rows: list[int]) -> str:
 
 def join_date_and_time(sheet: Sheet) -> tuple[Sheet, str | None]:
     """`sheet` with separate columns of date and time of day joined into one, and a note (None: nothing to join)."""
-    if any(_is_stamped(sheet, name) for name in sheet.header):
+    texts = {name: kind_of_texts(sheet.cells(name)) for name in sheet.header}
+    if any(kind == "date" and not _all_dates(sheet, name) for name, kind in texts.items()):
         return sheet, None
     day = next((name for name in sheet.header if _all_dates(sheet, name)), None)
     if day is None:
         return sheet, None
-    time = next((name for name in sheet.header if name != day and _is_time_of_day(sheet, name, day)), None)
-    if time is None:
-        return sheet, None
-    dates, times = sheet.cells(day), sheet.cells(time)
-    if is_number(dates[0], sheet.decimal):
-        pairs = zip(dates, times, strict=True)
-        cells = [repr(to_float(d, sheet.decimal) + to_float(t, sheet.decimal)) for d, t in pairs]
-        cells = [cell.replace(".", sheet.decimal) for cell in cells]
+    in_numbers = sheet.is_numeric(day)
+    times = [name for name in sheet.header if name != day]
+    if in_numbers:
+        times = [name for name in times if _TIME_WORDS.search(name) and sheet.is_numeric(name)]
+        times = [name for name in times if _within(sheet.figures(name), (0.0, 1.0))]
     else:
-        cells = [f"{_MIDNIGHT.sub('', d)} {t}" for d, t in zip(dates, times, strict=True)]
-    name = f"{day} {time}"
-    at, gone = sheet.header.index(time), sheet.header.index(day)
-    header = [name if k == at else own for k, own in enumerate(sheet.header) if k != gone]
-    rows = [
-        [cell if k == at else own for k, own in enumerate(row) if k != gone]
-        for row, cell in zip(sheet.rows, cells, strict=True)
-    ]
+        times = [name for name in times if texts[name] == "day"]
+    if not times:
+        return sheet, None
+    time = times[0]
+    if in_numbers:
+        sums = sheet.figures(day) + sheet.figures(time)
+        cells = [repr(float(both)).replace(".", sheet.decimal) for both in sums]
+    else:
+        pairs = zip(sheet.cells(day), sheet.cells(time), strict=True)
+        cells = [f"{_MIDNIGHT.sub('', date)} {of_day}" for date, of_day in pairs]
+    columns = {own: old for own, old in sheet.columns.items() if own != day}
+    columns = {
+        f"{day} {time}" if own == time else own: cells if own == time else columns[own] for own in columns
+    }
     units = {own: unit for own, unit in sheet.units.items() if own not in (day, time)}
-    joined = replace(sheet, header=header, rows=rows, units=units, direct=False)
-    return joined, f"{day}, {time}: date and time of day are joined"
-
-
-def _is_stamped(sheet: Sheet, name: str) -> bool:
-    """True where a column tells date and time of day."""
-    cells = sheet.cells(name)
-    if ":" not in cells[0] or _all_dates(sheet, name):
-        return False
-    found = _of_texts(cells)
-    return found is not None and found.kind == "date"
+    return sheet.with_columns(columns, units=units), f"{day}, {time}: date and time of day are joined"
 
 
 def _all_dates(sheet: Sheet, name: str) -> bool:
-    cells = sheet.cells(name)
-    if _DATE_WORDS.search(name) and all(is_number(cell, sheet.decimal) for cell in cells):
-        days = np.array([to_float(cell, sheet.decimal) for cell in cells])
+    if _DATE_WORDS.search(name) and sheet.is_numeric(name):
+        days = sheet.figures(name)
         if np.array_equal(days, np.round(days)) and _within(days, _EXCEL_RANGE):
             return True
-    return all(_is_date(cell) for cell in cells)
+    return all(map(_is_date, sheet.cells(name)))
 
 
 def _is_date(cell: str) -> bool:
     whole = _STAMP.fullmatch(_MIDNIGHT.sub("", cell))
     return bool(whole and whole["date"] and not whole["time"] and not cell.isdigit())
-
-
-def _is_time_of_day(sheet: Sheet, name: str, day: str) -> bool:
-    cells = sheet.cells(name)
-    if is_number(sheet.cells(day)[0], sheet.decimal):
-        if not _TIME_WORDS.search(name) or not all(is_number(cell, sheet.decimal) for cell in cells):
-            return False
-        return _within(np.array([to_float(cell, sheet.decimal) for cell in cells]), (0.0, 1.0))
-    if ":" not in cells[0]:
-        return False
-    found = _of_texts(cells)
-    return found is not None and found.kind == "day"
 
 
 def _digits(cells: list[str]) -> bool:
@@ -213,10 +197,8 @@ def _chosen(stamps: dict[str, Array], patterns: list[str]) -> tuple[str, str]:
         why = f"the rows then last {days[best]:.3g} days, with the other order {days[worse]:.3g}"
     else:
         best = second if "%p" in first else first
-        return (
-            best,
-            f", {says(best)}, the common order: the rows do not decide, and both orders give the same seconds",
-        )
+        why = "the common order: the rows do not decide, and both orders give the same seconds"
+        return best, f", {says(best)}, {why}"
     return best, f", {says(best)}, as {why}"
 
 

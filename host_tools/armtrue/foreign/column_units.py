@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import math
-import re
-from dataclasses import replace
 
 import numpy as np
 
 from armtrue.errors import InputError
 from armtrue.foreign.clocks import read_clock, why_no_clock
 from armtrue.foreign.parts import Part, in_si, point_axis
-from armtrue.foreign.sheets import is_number
 from armtrue.io.columns import UNITS
 
 _FARTHEST_M = 20.0
 # Joints of one pose differ by less, rad or m.
 _SAME_POSE = 1e-3
-_LETTER = re.compile(r"[_ .](f|c)$", re.IGNORECASE)
 
 
 def find_geometry_units(part: Part, prismatic: set[str]) -> None:
@@ -68,19 +64,14 @@ def _drop_numbers_of_repetitions(part: Part) -> None:
 
 def codes_of_words(part: Part) -> None:
     """Replace names of stations and nests by whole numbers from 1; the table must then be written to a new file."""
-    sheet = part.sheet
     for name in ("station", "nest"):
         header = part.meaning.others.get(name)
-        if header is None or all(is_number(cell, sheet.decimal) for cell in sheet.cells(header)):
+        if header is None or part.sheet.is_numeric(header):
             continue
-        words = list(dict.fromkeys(sheet.cells(header)))
-        at = sheet.header.index(header)
-        rows = [[*row[:at], str(1 + words.index(row[at])), *row[at + 1 :]] for row in sheet.rows]
-        part.sheet = replace(sheet, rows=rows, direct=False)
-        sheet = part.sheet
-        part.notes.append(
-            f"{header}: {', '.join(f'{word} is {name} {k}' for k, word in enumerate(words, start=1))}"
-        )
+        cells = part.sheet.cells(header)
+        codes = {word: str(k) for k, word in enumerate(dict.fromkeys(cells), start=1)}
+        part.sheet = part.sheet.with_columns({**part.sheet.columns, header: [codes[cell] for cell in cells]})
+        part.notes.append(f"{header}: {', '.join(f'{word} is {name} {k}' for word, k in codes.items())}")
 
 
 def _joint_units(part: Part, prismatic: set[str]) -> None:
@@ -92,18 +83,15 @@ def _joint_units(part: Part, prismatic: set[str]) -> None:
         ("angle", "rad", "deg", 2.2 * math.pi),
         ("length", "m", "mm", _FARTHEST_M),
     ):
-        joints = {
-            name: header
-            for name, header in part.meaning.joints.items()
-            if (name.lstrip("qr") in prismatic) == (kind == "length")
-        }
+        all_joints, slides = part.meaning.joints.items(), kind == "length"
+        joints = {name: header for name, header in all_joints if (name.lstrip("qr") in prismatic) == slides}
         if not joints:
             continue
         largest = max(float(np.abs(part.numbers(header)).max()) for header in joints.values())
         stated = {name: part.sheet.units[h] for name, h in joints.items() if h in part.sheet.units}
         for name, unit in stated.items():
             if UNITS[unit][0] != kind:
-                moves = "turns" if kind == "angle" else "slides"
+                moves = "slides" if slides else "turns"
                 raise InputError(
                     f"{part.sheet.path} header: found column '{joints[name]}' in {unit}, expected a unit of {kind}, as "
                     f"joint {name.lstrip('qr')} of the arm {moves} (columns in the order of the arm's joints)"
@@ -111,9 +99,8 @@ def _joint_units(part: Part, prismatic: set[str]) -> None:
         unit = next(iter(stated.values()), foreign if largest > largest_default else default)
         part.units |= dict.fromkeys(joints, unit) | stated
         units = ", ".join(dict.fromkeys(part.units[name] for name in joints))
-        words = ", ".join(joints.values())
         why = _source(part, list(joints.values()), f"the largest is {largest:.4g}")
-        part.notes.append(f"{words}: joints in {units}, {why}")
+        part.notes.append(f"{', '.join(joints.values())}: joints in {units}, {why}")
 
 
 def _source(part: Part, headers: list[str], otherwise: str) -> str:
@@ -154,18 +141,14 @@ def _rotation_unit(part: Part) -> None:
         return
     part.notes.append(f"{', '.join(headers)}: {_of_each(units)}, as its header says, and written in rad")
     part.units["rotation"] = "rad"
-    rows = [list(row) for row in part.sheet.rows]
-    for header, own in zip(headers, units, strict=True):
-        at = part.sheet.header.index(header)
-        for row, angle in zip(rows, in_si(part.numbers(header), own), strict=True):
-            row[at] = f"{angle:.12g}".replace(".", part.sheet.decimal)
-    part.sheet = replace(part.sheet, rows=rows, direct=False)
+    angles = {h: in_si(part.numbers(h), own) for h, own in zip(headers, units, strict=True)}
+    cells = {header: part.sheet.written(values) for header, values in angles.items()}
+    part.sheet = part.sheet.with_columns({**part.sheet.columns, **cells})
 
 
 def _temperature_unit(part: Part, header: str) -> str:
     """The unit by the letter at the end of the header, else by the size of the values."""
-    letter = _LETTER.search(header)
-    if letter is not None and letter[1].lower() == "f":
+    if header.lower().endswith(("_f", " f", ".f")):
         return "degF"
     return "K" if float(np.median(part.numbers(header))) > 200.0 else "degC"
 
@@ -177,7 +160,7 @@ def find_clock(part: Part) -> None:
         return
     cells = part.sheet.cells(header)
     if len(set(cells)) > 1:
-        part.clock = read_clock(cells, part.sheet.decimal, part.sheet.units.get(header))
+        part.clock = read_clock(part.sheet, header)
     if part.clock is not None:
         part.notes.append(f"{header}: {part.clock.words}")
         return

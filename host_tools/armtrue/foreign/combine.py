@@ -74,11 +74,9 @@ def long_table(parts: list[Part]) -> tuple[LongTable, list[str]]:
     notes += [f"{name}: not taken, as not every reflector has it" for name in of_some]
     table = _joined({name: pieces for name, pieces in columns.items() if name not in of_some})
     if len(blocks) > 1:
-        named = [(part, part.meaning.others["target"]) for part in parts if "target" in part.meaning.others]
-        notes += [
-            f"{part.sheet.path.name}: {header}: not taken, as reflectors have columns or files of their own"
-            for part, header in named
-        ]
+        named = [part for part in parts if "target" in part.meaning.others]
+        why = "not taken, as reflectors have columns or files of their own"
+        notes += [f"{part.sheet.path.name}: {part.meaning.others['target']}: {why}" for part in named]
         table.labels = [block.label for block in blocks for _ in range(len(block.joints))]
         return table, notes
     table.labels, said = _reflectors(base, blocks[0])
@@ -142,10 +140,9 @@ def _blocks(base: Part, parts: list[Part]) -> tuple[list[_Block], list[str]]:
 def _columns(base: Part, block: _Block) -> dict[str, tuple[Array, str | None]]:
     """The columns of one reflector. Columns that both files have are taken from the file with the joints."""
     part = block.part
-    columns: dict[str, tuple[Array, str | None]] = {
-        name: (base.numbers(header)[block.joints], base.units.get(name))
-        for name, header in base.meaning.joints.items()
-    }
+    columns: dict[str, tuple[Array, str | None]] = {}
+    for name, header in base.meaning.joints.items():
+        columns[name] = base.numbers(header)[block.joints], base.units.get(name)
     for axis, header in zip("xyz", part.meaning.points[block.point], strict=True):
         columns[axis] = part.numbers(header)[block.points], part.units[point_axis(block.point, axis)]
     for source, rows in ((part, block.points), (base, block.joints)):
@@ -178,10 +175,8 @@ def _joined(columns: _Pieces) -> LongTable:
 
 def write_long(table: LongTable) -> str:
     """The text of a CSV of `table`."""
-    labels = table.labels
-    names = [*table.columns, *(["target"] if labels else [])]
-    lines = [",".join(names)]
-    for at in range(len(next(iter(table.columns.values())))):
-        cells = [f"{values[at]:.10g}" for values in table.columns.values()]
-        lines.append(",".join([*cells, *([labels[at].replace(",", " ")] if labels else [])]))
-    return "\n".join(lines) + "\n"
+    columns = {name: [f"{value:.10g}" for value in values] for name, values in table.columns.items()}
+    if table.labels:
+        columns["target"] = [label.replace(",", " ") for label in table.labels]
+    rows = [columns, *zip(*columns.values(), strict=True)]
+    return "".join(",".join(row) + "\n" for row in rows)

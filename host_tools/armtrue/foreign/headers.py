@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armtrue.arrays import Array
-from armtrue.foreign.clocks import is_clock
-from armtrue.foreign.sheets import Sheet, is_number, split_unit, to_float
+from armtrue.foreign.clocks import kind_of_texts
+from armtrue.foreign.sheets import Sheet, split_unit, to_float
 from armtrue.io.columns import UNITS
+from armtrue.io.delimited import is_number
 
 _PLANNED = re.compile(r"goal|nominal|nom\b|soll|planned|desired|design", re.IGNORECASE)
 _SPREAD = re.compile(r"std|sigma|rms|uncert|^u95\b|deviation|dev\b|error", re.IGNORECASE)
@@ -154,10 +155,9 @@ def _take(found: Meaning, sheet: Sheet, name: str, word: str) -> None:
     if why := _why_left(sheet, name, word):
         found.left[name] = why
         return
-    sensor = _sensor(sheet, name, word)
-    own = (
-        f"temp_{sensor}" if sensor else next((own for own, words in _WORDS.items() if words.search(word)), "")
-    )
+    own = next((own for own, words in _WORDS.items() if words.search(word)), "")
+    if sensor := _sensor(sheet, name, word):
+        own = f"temp_{sensor}"
     if own == "target" and 2 * len(set(sheet.cells(name))) > len(sheet.rows):
         found.key = found.key or name
         found.left[name] = "it names single points, which is used to match files"
@@ -219,24 +219,23 @@ def _sensor(sheet: Sheet, name: str, word: str) -> str:
 
 def _clock(sheet: Sheet, names: list[str]) -> str | None:
     """The column of clock times, whatever its header; of several, one whose header has a word for time."""
-    clocks = [name for name in names if is_clock(sheet.cells(name))]
+    clocks = [name for name in names if kind_of_texts(sheet.cells(name))]
     return next((name for name in clocks if _WORDS["time"].search(name)), next(iter(clocks), None))
 
 
 def _take_as_variable(found: Meaning, sheet: Sheet, name: str, word: str) -> None:
     """Take a column outside the contract as a variable under its own name, or note why not."""
-    cells = sheet.cells(name)
     own = re.sub(r"\W+", "_", word, flags=re.ASCII).strip("_")
     own = own if own.isidentifier() else f"column_{own}"
     if _SPREAD.search(word):
         found.left[name] = "it looks like the spread of readings"
     elif _JOINT.match(word) or _AXIS.match(word.replace("_", " ")):
         found.left[name] = "it looks like a joint, a point or an angle beside those that are taken"
-    elif len(set(cells)) < 2:
+    elif len(set(sheet.cells(name))) < 2:
         found.left[name] = "it is the same in all rows"
     elif name.isdigit():
         found.left[name] = "it has no name"
-    elif not all(is_number(cell, sheet.decimal) for cell in cells):
+    elif not sheet.is_numeric(name):
         found.left[name] = "it holds more than numbers"
     elif own in found.variables:
         found.left[name] = f"{own} is taken from {found.variables[own]}"
@@ -298,11 +297,12 @@ def _longest_run(sets: list[dict[int, str]], wanted: int) -> list[str]:
 
 def _figures(sheet: Sheet, names: list[str]) -> Array:
     """Columns as numbers (N,) or (N, k), NaN where a cell holds none."""
-    rows = zip(*(sheet.cells(name) for name in names), strict=True)
-    figures = np.array(
-        [[to_float(c, sheet.decimal) if is_number(c, sheet.decimal) else np.nan for c in row] for row in rows]
-    )
-    return figures[:, 0] if len(names) == 1 else figures
+
+    def figure(cell: str) -> float:
+        return to_float(cell, sheet.decimal) if is_number(cell, sheet.decimal) else np.nan
+
+    figures = np.array([[figure(cell) for cell in sheet.cells(name)] for name in names])
+    return figures[0] if len(names) == 1 else figures.T
 
 
 def _of_unit_length(sheet: Sheet, names: list[str]) -> bool:
@@ -323,17 +323,15 @@ def _rotations(sheet: Sheet, plain: dict[str, str]) -> dict[str, list[str]]:
             whose = word[:at].rstrip("_ .")
             begins = at == 0 or (word[at - 1] in "_ ." and (len(word) - at > 1 or _WHOSE.fullmatch(whose)))
             if begins and word[at:].lower() in parts:
-                words.setdefault(" ".join(whose.replace("_", " ").split()), {}).setdefault(
-                    word[at:].lower(), name
-                )
+                owner = " ".join(whose.replace("_", " ").split())
+                words.setdefault(owner, {}).setdefault(word[at:].lower(), name)
                 break
     found: dict[str, list[str]] = {}
     for whose, own in words.items():
         for group in (*_MATRICES, *_QUATERNIONS, *_ANGLES):
             headers = [own[part] for part in group if part in own]
-            if len(headers) == len(group) and (
-                group[0] not in ("q0", "q1") or _of_unit_length(sheet, headers)
-            ):
+            like_joints = group[0] in ("q0", "q1")
+            if len(headers) == len(group) and (not like_joints or _of_unit_length(sheet, headers)):
                 found[whose] = headers
                 break
     return found

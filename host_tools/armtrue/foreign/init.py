@@ -40,6 +40,10 @@ from armtrue.units import plural
 _SAME_POSE = 1e-6
 _ROWS = 200
 _NUMBER_OF_JOINT = re.compile(r"(?:q|qr|dir|tau|travel|duty)(\d+)")
+_DH = {
+    "dh": "standard (a, alpha after the rotation)",
+    "mdh": "modified (Craig: before the rotation)",
+}
 _NAMES = ("robot.yaml", "dataset.yaml", "model.yaml", "data.csv")
 
 
@@ -152,22 +156,15 @@ class _Init:
         if dh is not None:
             rows, notes = robots.dh_rows(dh)
             self._guessed.notes += notes
-            texts = {
-                "dh": "standard (a, alpha after the rotation)",
-                "mdh": "modified (Craig: before the rotation)",
-            }
-            return (
-                [
-                    (
-                        _yaml({"name": dh.stem, "kinematics": {"convention": own, "joints": rows}}),
-                        f"{dh.name}: Denavit-Hartenberg, {words}",
-                    )
-                    for own, words in texts.items()
-                ],
-                [],
-                {str(k) for k, row in enumerate(rows, start=1) if row.get("type") == "prismatic"},
-                [],
-            )
+            forms = [
+                (
+                    _yaml({"name": dh.stem, "kinematics": {"convention": own, "joints": rows}}),
+                    f"{dh.name}: Denavit-Hartenberg, {words}",
+                )
+                for own, words in _DH.items()
+            ]
+            slide = {str(k) for k, row in enumerate(rows, start=1) if row.get("type") == "prismatic"}
+            return forms, [], slide, []
         if robot is None:
             raise InputError(
                 "init: found no arm, expected --urdf FILE, --dh TABLE (columns a, alpha, d, theta) or "
@@ -204,10 +201,8 @@ class _Init:
     def _dataset(self, parts: list[Part]) -> tuple[dict[str, Any], str | None]:
         """dataset.yaml as a mapping without a rotation, and the text of data.csv where the files must be joined."""
         part = parts[0]
-        alone = (
-            len(parts) == 1 and len(part.meaning.points) == 1 and part.sheet.direct and part.meaning.joints
-        )
-        if not alone:
+        whole = len(part.meaning.points) == 1 and part.meaning.joints
+        if len(parts) > 1 or not whole or not part.sheet.direct:
             return self._joined(parts)
         if header := part.meaning.others.get("target"):
             self._guessed.notes.append(f"{part.sheet.path.name}: {header}: target, by its header")
@@ -220,19 +215,15 @@ class _Init:
         commanded = sorted(name for name in table if name[0] == "q" and name[1:].isdigit())
         rounded = np.round(np.column_stack([long.in_si(name) for name in commanded]) / _SAME_POSE)
         codes = np.unique(labels, return_inverse=True)[1] if labels else np.zeros(len(rounded))
-        poses, which, counts = np.unique(
-            np.column_stack([rounded, codes]), axis=0, return_inverse=True, return_counts=True
-        )
-        if counts.max() > 1 and "repeat" not in table:
-            again = len(rounded) - len(poses)
+        poses, which = np.unique(np.column_stack([rounded, codes]), axis=0, return_inverse=True)
+        again = len(rounded) - len(poses)
+        if again and "repeat" not in table:
             table["repeat"] = which.reshape(-1).astype(np.float64)
-            self._guessed.notes.append(
-                f"{plural(again, 'row')} {'repeats' if again == 1 else 'repeat'} a pose: column repeat"
-            )
+            repeat = "repeats" if again == 1 else "repeat"
+            self._guessed.notes.append(f"{plural(again, 'row')} {repeat} a pose: column repeat")
         variables = {name: name for part in parts for name in part.meaning.variables if name in table}
-        entries: dict[str, Any] = {
-            name: _entry(name, long.units.get(name)) for name in table if name not in variables
-        }
+        own = [name for name in table if name not in variables]
+        entries: dict[str, Any] = {name: _entry(name, long.units.get(name)) for name in own}
         if labels:
             entries["target"] = "target"
         dataset: dict[str, Any] = {"file": "data.csv", "columns": entries}
@@ -240,18 +231,14 @@ class _Init:
             dataset["variables"] = variables
         turned = [part for part in parts if part.meaning.rotation]
         if not labels and len(turned) == 1 and len(turned[0].sheet.rows) == len(rounded):
-            names = [f"rotation_{k}" for k in range(1, 1 + len(turned[0].meaning.rotation))]
-            table |= {
-                name: turned[0].numbers(header)
-                for name, header in zip(names, turned[0].meaning.rotation, strict=True)
-            }
-            dataset["rotation"] = _rotation(names, turned[0])
+            headers = {f"rotation_{k}": name for k, name in enumerate(turned[0].meaning.rotation, start=1)}
+            table |= {name: turned[0].numbers(header) for name, header in headers.items()}
+            dataset["rotation"] = _rotation([*headers], turned[0])
         else:
+            why = "orientations are not taken, as they are read of one reflector in one file only"
             for part in turned:
-                self._guessed.notes.append(
-                    f"{part.sheet.path.name}: {', '.join(part.meaning.rotation)}: orientations are not taken, as they "
-                    "are read of one reflector in one file only"
-                )
+                headers_of_part = ", ".join(part.meaning.rotation)
+                self._guessed.notes.append(f"{part.sheet.path.name}: {headers_of_part}: {why}")
         if "time" in table and bool(np.any(np.diff(table["time"]) < 0.0)):
             dataset["sort_by"] = "time"
         return dataset, write_long(long)
@@ -316,7 +303,7 @@ class _Init:
             )
             return None
         keys, degrees = found
-        words = " ".join(str(value) for key, value in keys.items() if key not in ("columns",))
+        words = " ".join(str(value) for key, value in keys.items() if key != "columns")
         self._guessed.notes.append(f"{names}: {words}, as they then follow the arm within {degrees:.2g}°")
         return keys
 
@@ -348,9 +335,8 @@ def _fit_to_arm(part: Part, joint_count: int, motors: list[int]) -> None:
                     columns[name] = header
                 elif match[1] in number_of:
                     columns[name.removesuffix(match[1]) + number_of[match[1]]] = header
-        part.notes.append(
-            f"{', '.join(own)} are taken for joints {', '.join(map(str, motors))}, which have a motor"
-        )
+        numbers = ", ".join(map(str, motors))
+        part.notes.append(f"{', '.join(own)} are taken for joints {numbers}, which have a motor")
         return
     if len(own) < joint_count:
         raise InputError(
@@ -394,12 +380,10 @@ def _entry(header: str, unit: str | None) -> Any:
 def _direct(part: Part, out: Path) -> dict[str, Any]:
     """dataset.yaml for one file that is read as it is, with a first guess of the rotation's convention."""
     sheet, found = part.sheet, part.meaning
-    columns: dict[str, Any] = {}
-    (point,) = found.points.items()
-    named = {**found.joints, **dict(zip("xyz", point[1], strict=True)), **found.others}
-    for name, header in named.items():
-        unit = part.units.get(point_axis(point[0], name) if name in ("x", "y", "z") else name)
-        columns[name] = _entry(header, unit)
+    ((point, axes),) = found.points.items()
+    units = {**part.units, **{axis: part.units.get(point_axis(point, axis)) for axis in "xyz"}}
+    named = {**found.joints, **dict(zip("xyz", axes, strict=True)), **found.others}
+    columns: dict[str, Any] = {name: _entry(header, units.get(name)) for name, header in named.items()}
     dataset: dict[str, Any] = {"file": os.path.relpath(sheet.path.resolve(), out.resolve())}
     if sheet.separator != ",":
         dataset["separator"] = SEPARATORS[sheet.separator]
@@ -411,7 +395,7 @@ def _direct(part: Part, out: Path) -> dict[str, Any]:
         dataset["header_row"] = sheet.header_row
     if part.clock is not None:
         header = found.others["time"]
-        place, entry = part.clock.entry(header, sheet.cells(header), sheet.decimal)
+        place, entry = part.clock.entry(sheet, header)
         if place == "time":
             del columns["time"]
             dataset["time"] = entry

@@ -86,7 +86,8 @@ def leave_out_own_poses(parts: list[Part], arms: list[Robot]) -> None:
         return
     base = with_joints[0]
     sets = [found for part in parts if part.meaning.points for found in _sets(base, part)]
-    moving = [found for found in sets if _moves(found)]
+    spans = [np.ptp(found.part.points_m(found.name), axis=0) for found in sets]
+    moving = [found for found, span in zip(sets, spans, strict=True) if np.linalg.norm(span) > _STILL_M]
     for found in moving:
         _place(found, base, arms)
     gone = _by_numbers(moving)
@@ -108,17 +109,12 @@ def _sets(base: Part, part: Part) -> list[_Set]:
     return [_Set(part, name, joints, points) for name in part.meaning.points]
 
 
-def _moves(found: _Set) -> bool:
-    return float(np.linalg.norm(np.ptp(found.part.points_m(found.name), axis=0))) > _STILL_M
-
-
 def _place(found: _Set, base: Part, arms: list[Robot]) -> None:
     """Fill in the residuals of a set of points: the least that any of `arms` leaves with base and tool aligned."""
     few = evenly(found.joints.size, _ROWS)
     names = commanded_joints(base.meaning.joints)
-    columns = {
-        name: base.in_si(name, base.meaning.joints[name])[found.joints[few]] for name in base.meaning.joints
-    }
+    joints = base.meaning.joints.items()
+    columns = {name: base.in_si(name, header)[found.joints[few]] for name, header in joints}
     points = found.part.points_m(found.name)[found.points[few]]
     for arm in arms:
         if not {f"q{k}" for k in arm.motors} <= set(names) or len(names) > arm.joint_count:
@@ -163,13 +159,10 @@ def _by_numbers(sets: list[_Set]) -> dict[_Set, str]:
     """The sets that follow nominal kinematics to rounding while another one does not, each with the reason in words."""
     gone: dict[_Set, str] = {}
     for found in sets:
-        farther = [
-            other
-            for other in sets
-            if other.left_m >= max(_LEAST_RATIO * found.left_m, other.data_sheet_m) and other is not found
-        ]
-        if found.left_m <= found.rounding_m and farther:
-            other = min(farther, key=lambda one: one.left_m)
+        others = [other for other in sets if other is not found]
+        far = [o for o in others if o.left_m >= max(_LEAST_RATIO * found.left_m, o.data_sheet_m)]
+        if found.left_m <= found.rounding_m and far:
+            other = min(far, key=lambda one: one.left_m)
             gone[found] = (
                 f"they are the controller's own pose{' by their name, and' if found.own_by_name() else ': they'} "
                 f"follow the nominal kinematics of the joints within {_short(found.left_m)}, which is rounding, "
@@ -181,9 +174,9 @@ def _by_numbers(sets: list[_Set]) -> dict[_Set, str]:
 def _by_name(sets: list[_Set]) -> dict[_Set, str]:
     """The sets named as the controller's own pose, unless all are, each with the reason in words."""
     own = [found for found in sets if found.own_by_name()]
-    by_instrument = any(_INSTRUMENT.search(found.name) for found in sets)
-    if by_instrument:
-        own += [found for found in sets if _ACTUAL.search(found.name) and not _INSTRUMENT.search(found.name)]
+    others = [found for found in sets if not _INSTRUMENT.search(found.name)]
+    if len(others) < len(sets):
+        own += [found for found in others if _ACTUAL.search(found.name)]
     if all(found in own for found in sets):
         return {}
     return {
@@ -197,9 +190,7 @@ def _beside_measured(sets: list[_Set]) -> dict[_Set, str]:
     """Sets in a file that has others named as measured, each with the reason in words."""
     gone: dict[_Set, str] = {}
     for found in sets:
-        beside = [
-            other for other in sets if other.part is found.part and _MEASURED.search(other.name) is not None
-        ]
+        beside = [other for other in sets if other.part is found.part and _MEASURED.search(other.name)]
         if beside and found not in beside and not _INSTRUMENT.search(found.name):
             gone[found] = f"{beside[0].headers} stand beside them, named as measured"
     return gone
@@ -213,17 +204,15 @@ def _choose_rotation(part: Part, gone: dict[_Set, str]) -> None:
     for whose, headers in meaning.rotations.items():
         owner = _owner(part, whose, headers)
         if owner in of_gone:
-            points = ", ".join(meaning.points[owner])
-            part.notes.append(
-                f"{', '.join(headers)}: not taken, as they are the controller's own pose, of which {points} are"
-            )
+            why = f"as they are the controller's own pose, of which {', '.join(meaning.points[owner])} are"
+            part.notes.append(f"{', '.join(headers)}: not taken, {why}")
         else:
             taken.append((owner is None, headers))
     taken.sort(key=lambda each: each[0])
     meaning.rotation = taken[0][1] if taken else []
     for _, headers in taken[1:]:
-        words = ", ".join(meaning.rotation)
-        part.notes.append(f"{', '.join(headers)}: not taken, as the orientation is taken from {words}")
+        why = f"as the orientation is taken from {', '.join(meaning.rotation)}"
+        part.notes.append(f"{', '.join(headers)}: not taken, {why}")
 
 
 def _owner(part: Part, whose: str, headers: list[str]) -> str | None:
@@ -232,10 +221,9 @@ def _owner(part: Part, whose: str, headers: list[str]) -> str | None:
     own = next((name for name in points if name.lower() == whose.lower()), None)
     if own is not None or whose:
         return own
-    first = min(map(part.sheet.header.index, headers))
-    return next(
-        (name for name, axes in points.items() if max(map(part.sheet.header.index, axes)) + 1 == first), None
-    )
+    place = part.sheet.header.index
+    before = min(map(place, headers)) - 1
+    return next((name for name, axes in points.items() if max(map(place, axes)) == before), None)
 
 
 def _say_what_may_be(sets: list[_Set], any_gone: bool) -> None:
@@ -251,11 +239,9 @@ def _say_what_may_be(sets: list[_Set], any_gone: bool) -> None:
         return
     for found in perhaps:
         others = [other.label for other in sets if other is not found]
-        way = (
-            f"'rows: {{where: {{target: {others[0]}}}}}' in dataset.yaml leaves it out"
-            if len(others) == 1
-            else "take its columns out of the file"
-        )
+        way = "take its columns out of the file"
+        if len(others) == 1:
+            way = f"'rows: {{where: {{target: {others[0]}}}}}' in dataset.yaml leaves it out"
         found.part.notes.append(
             f"{found.headers}: if '{found.label}' is the controller's own pose and not a reflector, {way}"
         )
@@ -268,10 +254,8 @@ def _refuse_two_frames(sets: list[_Set], arms: list[Robot]) -> None:
         follow = arms and max(one.left_m, other.left_m) < NOMINAL_ERROR_PER_REACH * arms[0].reach_m
         if not follow or rows.size == 0:
             continue
-        apart = (
-            one.part.points_m(one.name)[one.points[of_one]]
-            - other.part.points_m(other.name)[other.points[of_other]]
-        )
+        points = one.part.points_m(one.name)[one.points[of_one]]
+        apart = points - other.part.points_m(other.name)[other.points[of_other]]
         low, high = np.percentile(np.linalg.norm(apart, axis=1), (5.0, 95.0))
         if high - low > _RIGID_M:
             raise InputError(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.foreign.parts import Part
-from armtrue.foreign.sheets import is_number
+from armtrue.io.delimited import is_number
 from armtrue.units import plural
 
 Rows = NDArray[np.int64]
@@ -36,11 +36,16 @@ def row_names(joints: Part, points: Part) -> tuple[str, str] | None:
     """
     one, other = joints.meaning.key, points.meaning.key
     if one is not None and other is not None:
-        own, foreign = joints.sheet.cells(one), points.sheet.cells(other)
-        if len(set(own)) == len(own) and len(set(own) & set(foreign)) >= 0.5 * len(foreign):
+        names, keys = joints.sheet.cells(one), points.sheet.cells(other)
+        if len(set(names)) == len(names) and len(set(names) & set(keys)) >= 0.5 * len(keys):
             return one, other
     rows = _unique(joints), _unique(points)
-    pairs = [(a, b) for a in rows[0] for b in rows[1] if _match(rows[0][a], rows[1][b])]
+    pairs = [
+        (a, b)
+        for a, own in rows[0].items()
+        for b, foreign in rows[1].items()
+        if len(own & foreign) >= _LEAST_SHARE * min(len(own), len(foreign))
+    ]
     # Numbers may agree by chance: they count under the same header only.
     alike = [(a, b) for a, b in pairs if a.casefold() == b.casefold()]
     words = [(a, b) for a, b in pairs if not any(is_number(cell, ".") for cell in rows[0][a])]
@@ -54,10 +59,6 @@ def _unique(part: Part) -> dict[str, set[str]]:
     taken |= {name for sets in (found.points, found.rotations) for own in sets.values() for name in own}
     columns = {name: set(part.sheet.cells(name)) for name in part.sheet.header if name not in taken}
     return {name: cells for name, cells in columns.items() if len(cells) == len(part.sheet.rows)}
-
-
-def _match(one: set[str], other: set[str]) -> bool:
-    return len(one & other) >= _LEAST_SHARE * min(len(one), len(other))
 
 
 def match_rows(joints: Part, points: Part) -> tuple[Rows, Rows, str]:

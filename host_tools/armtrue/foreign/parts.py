@@ -10,8 +10,9 @@ from armtrue.arrays import Array
 from armtrue.errors import RowError
 from armtrue.foreign.clocks import Clock
 from armtrue.foreign.headers import Meaning
-from armtrue.foreign.sheets import Sheet, is_number, to_float
+from armtrue.foreign.sheets import Sheet, to_float
 from armtrue.io.columns import UNITS
+from armtrue.io.delimited import is_number
 
 # Columns whose cells may be words.
 _TEXTS = ("time", "target", "repeat", "station", "nest")
@@ -64,15 +65,13 @@ class Part:
                     self.numbers(header)
                 return
             except RowError as error:
-                kept = [at for at, row in enumerate(self.sheet.numbers) if row != error.row]
+                numbered = zip(self.sheet.rows, self.sheet.numbers, strict=True)
+                kept = [(row, number) for row, number in numbered if number != error.row]
                 if not kept:
                     raise
                 self.skipped.append(error.row)
                 self.notes.append(f"left out: {str(error).removeprefix(f'{self.sheet.path} ')}")
-                rows, numbers = self.sheet.rows, self.sheet.numbers
-                self.sheet = replace(
-                    self.sheet, rows=[rows[at] for at in kept], numbers=[numbers[at] for at in kept]
-                )
+                self.sheet = replace(self.sheet, rows=[r for r, _ in kept], numbers=[n for _, n in kept])
 
     def leave_out_dead_sensors(self) -> None:
         """Leave out temperature columns that hold a mark for a missing value in most rows."""
@@ -108,7 +107,7 @@ class Part:
                     f"{sheet.path} row {row} column {header}: found {cell}, a mark for a missing value, expected a "
                     "temperature",
                 )
-        return np.array([to_float(cell, sheet.decimal) for cell in cells])
+        return sheet.figures(header)
 
     def in_si(self, name: str, header: str) -> Array:
         """One column in SI units by the unit that was found for `name`."""
@@ -117,11 +116,9 @@ class Part:
     def seconds(self) -> Array:
         """Seconds of each row of a sheet that has a clock."""
         assert self.clock is not None
-        return self.clock.seconds(self.sheet.cells(self.meaning.others["time"]), self.sheet.decimal)
+        return self.clock.seconds(self.sheet, self.meaning.others["time"])
 
     def points_m(self, name: str) -> Array:
         """The points (N, 3) of one set."""
-        headers = self.meaning.points[name]
-        return np.column_stack(
-            [self.in_si(point_axis(name, axis), header) for axis, header in zip("xyz", headers, strict=True)]
-        )
+        axes = zip("xyz", self.meaning.points[name], strict=True)
+        return np.column_stack([self.in_si(point_axis(name, axis), header) for axis, header in axes])

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
 
 import numpy as np
 
 from armtrue.arrays import Array
 from armtrue.foreign.headers import meaning
-from armtrue.foreign.sheets import Sheet, is_number, split_unit, to_float
+from armtrue.foreign.sheets import Sheet, split_unit
 from armtrue.io.columns import POSITION, UNITS
 
 _AZIMUTH = re.compile(r"az(?:imuth|imut)?(?:[_ ]?angle)?$", re.IGNORECASE)
@@ -32,31 +31,23 @@ def from_polar(sheet: Sheet) -> tuple[Sheet, str | None]:
     if found is None or meaning(sheet, []).points:
         return sheet, None
     around, up, far = found
-    columns = [sheet.cells(name) for name in found]
-    if not all(is_number(cell, sheet.decimal) for cells in columns for cell in cells):
+    if not all(map(sheet.is_numeric, found)):
         return sheet, None
     azimuth, second = (_in_si(sheet, name, "rad", "deg", 2.0 * math.pi) for name in (around, up))
     distance = _in_si(sheet, far, "m", "mm", _FARTHEST_M)
-    elevation = math.pi / 2.0 - second if _ZENITH.match(split_unit(up)[0]) else second
+    is_zenith = bool(_ZENITH.match(split_unit(up)[0]))
+    elevation = math.pi / 2.0 - second if is_zenith else second
     level = distance * np.cos(elevation)
     points = level * np.cos(azimuth), level * np.sin(azimuth), distance * np.sin(elevation)
-    kept = [at for at, name in enumerate(sheet.header) if name not in found]
-    rows = [
-        [*(row[at] for at in kept), *(f"{value:.12g}".replace(".", sheet.decimal) for value in point)]
-        for row, point in zip(sheet.rows, zip(*points, strict=True), strict=True)
-    ]
+    columns = {name: cells for name, cells in sheet.columns.items() if name not in found}
+    columns |= {axis: sheet.written(values) for axis, values in zip(POSITION, points, strict=True)}
     units = {name: unit for name, unit in sheet.units.items() if name not in found}
-    polar = replace(
-        sheet,
-        header=[*(sheet.header[at] for at in kept), *POSITION],
-        rows=rows,
+    polar = sheet.with_columns(
+        columns,
         units=units | dict.fromkeys(POSITION, "m"),
         sources=sheet.sources | dict.fromkeys(POSITION, "as converted"),
-        direct=False,
     )
-    angle = (
-        "zenith angle down from z" if _ZENITH.match(split_unit(up)[0]) else "elevation up from the xy plane"
-    )
+    angle = "zenith angle down from z" if is_zenith else "elevation up from the xy plane"
     return polar, (
         f"{around}, {up}, {far}: polar readings are converted to x, y, z (azimuth from x towards y, {angle}); if the "
         "instrument counts differently, export the points as Cartesian x, y, z"
@@ -65,8 +56,7 @@ def from_polar(sheet: Sheet) -> tuple[Sheet, str | None]:
 
 def polar_headers(sheet: Sheet) -> list[str]:
     """Headers of columns that may be polar readings, two or more; empty where there are fewer."""
-    patterns = (_AZIMUTH, _ELEVATION, _ZENITH, _CIRCLE, _DISTANCE)
-    found = [name for name in sheet.header if any(p.match(split_unit(name)[0]) for p in patterns)]
+    found = _matching(sheet, _AZIMUTH, _ELEVATION, _ZENITH, _CIRCLE, _DISTANCE)
     return found if len(found) > 1 else []
 
 
@@ -78,7 +68,7 @@ def _polar(sheet: Sheet) -> list[str] | None:
         ((_ELEVATION, _ZENITH), "angle"),
         ((_DISTANCE,), "length"),
     ):
-        names = [name for name in sheet.header if any(p.match(split_unit(name)[0]) for p in patterns)]
+        names = _matching(sheet, *patterns)
         unit = sheet.units.get(names[0]) if names else None
         if len(names) != 1 or (unit is not None and UNITS[unit][0] != kind):
             return None
@@ -86,8 +76,12 @@ def _polar(sheet: Sheet) -> list[str] | None:
     return found
 
 
+def _matching(sheet: Sheet, *patterns: re.Pattern[str]) -> list[str]:
+    return [name for name in sheet.header if any(p.match(split_unit(name)[0]) for p in patterns)]
+
+
 def _in_si(sheet: Sheet, name: str, small: str, large: str, limit: float) -> Array:
     """One column in SI units: as stated, else in `small` if no value is above `limit`, else in `large`."""
-    values = np.array([to_float(cell, sheet.decimal) for cell in sheet.cells(name)])
+    values = sheet.figures(name)
     unit = sheet.units.get(name) or (large if np.abs(values).max() > limit else small)
     return np.asarray(values * UNITS[unit][1])

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from armtrue.errors import InputError
-from armtrue.foreign.sheets import Sheet, is_number, read_sheet, split_unit, to_float
+from armtrue.foreign.sheets import Sheet, read_sheet, split_unit, to_float
+from armtrue.io.delimited import is_number
 from armtrue.io.urdf import parse_urdf
 from armtrue.units import plural
 
@@ -72,9 +73,9 @@ def urdf_arm(urdf: Path, out: Path, joint_counts: list[int]) -> UrdfArm:
     counts = joint_counts or [max(found, default=0)]
     wanted = next((count for count in counts if count in found and count), 0)
     if not wanted:
-        words = " or ".join(map(str, counts))
         raise InputError(
-            f"{urdf}: found no chain of {words} moving joints, expected one for each joint of the measurements"
+            f"{urdf}: found no chain of {' or '.join(map(str, counts))} moving joints, expected one for each joint of "
+            "the measurements"
         )
     fitting = [link for link in links if wanted in moving(link)]
 
@@ -118,24 +119,20 @@ def dh_rows(table: Path) -> tuple[list[dict[str, Any]], list[str]]:
     """Rows {a, alpha, d, offset, …} in SI units from a table of them, and what was guessed. Errors: InputError."""
     sheet = read_sheet(table)
     columns = _dh_columns(sheet)
-    missing = [own for own in _NEEDED if own not in columns]
-    if missing:
+    if missing := [own for own in _NEEDED if own not in columns]:
         raise InputError(
             f"{table} header: found no column '{missing[0]}', expected a, alpha, d and theta or offset"
         )
     types = _types(sheet, columns.pop("type", None), table)
     values = {own: _numbers(sheet, name, table) for own, name in columns.items()}
-    length = sheet.units.get(columns["a"]) or (
-        "mm" if _largest(values["a"] + values["d"]) > _LONGEST_M else "m"
-    )
-    angles = values["alpha"] + values.get("offset", [])
-    angle = sheet.units.get(columns["alpha"]) or ("deg" if _largest(angles) > 2.0 * math.pi else "rad")
-    factors = {"a": length, "d": length, "alpha": angle, "offset": angle}
+    longest = max(map(abs, values["a"] + values["d"]))
+    widest = max(map(abs, values["alpha"] + values.get("offset", [])))
+    length = sheet.units.get(columns["a"]) or ("mm" if longest > _LONGEST_M else "m")
+    angle = sheet.units.get(columns["alpha"]) or ("deg" if widest > 2.0 * math.pi else "rad")
     scale = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "deg": math.pi / 180.0, "rad": 1.0}
-    rows: list[dict[str, Any]] = [
-        {own: values[own][k] * scale.get(factors.get(own, "m"), 1.0) for own in values}
-        for k in range(len(sheet.rows))
-    ]
+    factors = {"a": length, "d": length, "alpha": angle, "offset": angle}
+    in_si = {own: [v * scale.get(factors.get(own, "m"), 1.0) for v in values[own]] for own in values}
+    rows: list[dict[str, Any]] = [{own: in_si[own][k] for own in in_si} for k in range(len(sheet.rows))]
     for row, kind in zip(rows, types, strict=True):
         if kind == "prismatic":
             row |= {"type": kind, "theta": row.pop("offset", 0.0)}
@@ -148,14 +145,12 @@ def _types(sheet: Sheet, name: str | None, table: Path) -> list[str]:
         return ["revolute"] * len(sheet.rows)
     types = []
     for cell, row in zip(sheet.cells(name), sheet.numbers, strict=True):
-        kind = next(
-            (kind for kind, begins in _TYPES.items() if cell.strip().lower().startswith(begins)), None
-        )
-        if kind is None:
+        found = [kind for kind, begins in _TYPES.items() if cell.strip().lower().startswith(begins)]
+        if not found:
             raise InputError(
                 f"{table} row {row} column {name}: found '{cell}', expected revolute or prismatic"
             )
-        types.append(kind)
+        types.append(found[0])
     return types
 
 
@@ -165,7 +160,3 @@ def _numbers(sheet: Sheet, name: str, table: Path) -> list[float]:
         if not is_number(cell or "0", sheet.decimal):
             raise InputError(f"{table} row {row} column {name}: found '{cell}', expected a number")
     return [to_float(cell or "0", sheet.decimal) for cell in cells]
-
-
-def _largest(values: list[float]) -> float:
-    return max(map(abs, values), default=0.0)

@@ -5,19 +5,21 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from armtrue.arrays import Array
 from armtrue.errors import InputError
 from armtrue.io.columns import UNITS
+from armtrue.io.delimited import is_number
 from armtrue.io.files import LARGEST_TEXT_BYTES, read_bytes
 
 SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", "|": "pipe"}
 _COMMENTS = ("#", "%", "//", "!")
-_NUMBER = {
-    ".": re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$"),
-    ",": re.compile(r"[-+]?(\d+,?\d*|,\d+)([eE][-+]?\d+)?$"),
-}
 _THOUSANDS = {
     ",": re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d*)?$"),
     ".": re.compile(r"[-+]?\d{1,3}(\.\d{3})+(,\d*)?$"),
@@ -60,11 +62,11 @@ class Sheet:
     units: dict[str, str]
     rows: list[list[str]]
     numbers: list[int]
-    separator: str
-    decimal: str
-    encoding: str
     header_row: int
-    direct: bool
+    decimal: str
+    separator: str = ""
+    encoding: str = ""
+    direct: bool = False
     thousands: bool = False
     sources: dict[str, str] = field(default_factory=dict)
     length_unit: str | None = None
@@ -80,11 +82,34 @@ class Sheet:
         at = self.header.index(name)
         return [row[at] for row in self.rows]
 
+    def is_numeric(self, name: str) -> bool:
+        """True where every cell of a column is a number."""
+        return all(is_number(cell, self.decimal) for cell in self.cells(name))
+
+    def figures(self, name: str) -> Array:
+        """The numbers of a column for which `is_numeric` is true."""
+        return np.array([to_float(cell, self.decimal) for cell in self.cells(name)])
+
+    def written(self, figures: Array) -> list[str]:
+        """Figures as cells of this sheet."""
+        return [f"{figure:.12g}".replace(".", self.decimal) for figure in figures]
+
+    def with_columns(self, columns: dict[str, Sequence[str]], **changed: Any) -> Sheet:
+        """This sheet with other columns: a dataset.yaml then cannot describe the file as it is."""
+        rows = [list(row) for row in zip(*columns.values(), strict=True)]
+        return replace(self, header=list(columns), rows=rows, direct=False, **changed)
+
+    @property
+    def columns(self) -> dict[str, Sequence[str]]:
+        """The cells of each column."""
+        return {name: self.cells(name) for name in self.header}
+
 
 def read_sheet(path: Path) -> Sheet:
     """Read the table in `path`: CSV and its relatives, or XLSX. Errors: InputError where there is none."""
     if path.suffix.lower() in (".xlsx", ".xlsm"):
-        return _sheet(path, _workbook(path), list[int](), "", ".", "", direct=False)
+        cells = _workbook(path)
+        return _sheet(path, cells, list(range(1, len(cells) + 1)), ".")[0]
     text, encoding = _text(path)
     lines = [(n, line) for n, line in enumerate(text.splitlines(), start=1) if line.strip()]
     comments = [(n, line.lstrip()) for n, line in lines if line.lstrip().startswith(_COMMENTS)]
@@ -92,20 +117,15 @@ def read_sheet(path: Path) -> Sheet:
     if not kept:
         raise InputError(f"{path}: found no rows, expected a table of measurements")
     separator = _separator([line for _, line in kept])
-    if separator == " ":
-        cells = [line.split() for _, line in kept]
-    else:
-        cells = [
-            [cell.strip() for cell in row]
-            for row in csv.reader([line for _, line in kept], delimiter=separator)
-        ]
+    cells = _split([line for _, line in kept], separator)
     if len(cells) != len(kept):
         raise InputError(f"{path}: found a line break within quotes, expected one row a line")
     bare, units = _without_units(cells)
     plain = _without_thousands(bare, separator)
     decimal = _decimal(plain, separator)
-    direct = separator != " " and not comments and plain == cells
-    sheet = _sheet(path, plain, [n for n, _ in kept], separator, decimal, encoding, direct)
+    sheet, whole = _sheet(path, plain, [n for n, _ in kept], decimal)
+    direct = whole and separator != " " and not comments and plain == cells
+    sheet = replace(sheet, separator=separator, encoding=encoding, direct=direct)
     if not sheet.has_header:
         sheet = _named_by_comment(sheet, [(n, line) for n, line in comments if n < kept[0][0]])
     if not sheet.has_header:
@@ -118,11 +138,6 @@ def read_sheet(path: Path) -> Sheet:
         sources=dict.fromkeys(in_cells, "as its cells say"),
         length_unit=_length_unit([line for _, line in comments]),
     )
-
-
-def is_number(cell: str, decimal: str) -> bool:
-    """True where `cell` is one number with that decimal mark."""
-    return bool(_NUMBER[decimal].match(cell.strip()))
 
 
 def to_float(cell: str, decimal: str) -> float:
@@ -163,11 +178,11 @@ def _separator(lines: list[str]) -> str:
     sample = lines[-200:]
 
     def score(mark: str) -> tuple[float, int]:
-        rows = [line.split() for line in sample] if mark == " " else list(csv.reader(sample, delimiter=mark))
+        rows = _split(sample, mark)
         width, count = Counter(len(row) for row in rows).most_common(1)[0]
         if width < 2 or count < 0.8 * len(rows):
             return (0.0, 0)
-        cells = [cell.strip() for row in rows for cell in row if cell.strip()]
+        cells = [cell for row in rows for cell in row if cell]
         numbers = sum(any(is_number(cell, decimal) for decimal in ".,") for cell in cells)
         numbers += sum(any(pattern.match(cell) for pattern in _THOUSANDS.values()) for cell in cells)
         numbers += sum(_quantity(cell) is not None for cell in cells)
@@ -175,6 +190,12 @@ def _separator(lines: list[str]) -> str:
         return (numbers / max(1, len(cells)), -len(SEPARATORS) if mark == "," else 0)
 
     return max([*SEPARATORS, " "], key=score)
+
+
+def _split(lines: list[str], separator: str) -> list[list[str]]:
+    if separator == " ":
+        return [line.split() for line in lines]
+    return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=separator)]
 
 
 def _quantity(cell: str) -> tuple[str, str] | None:
@@ -214,10 +235,8 @@ def _without_thousands(cells: list[list[str]], separator: str) -> list[list[str]
     """
     flat = [cell for row in cells for cell in row]
     for mark, pattern in _THOUSANDS.items():
-        sure = any(
-            pattern.match(cell) and (separator == mark or ("." in cell and "," in cell)) for cell in flat
-        )
-        if sure:
+        marked = [cell for cell in flat if pattern.match(cell)]
+        if any(separator == mark or ("." in cell and "," in cell) for cell in marked):
             return [
                 [cell.replace(mark, "") if pattern.match(cell) else cell for cell in row] for row in cells
             ]
@@ -233,16 +252,8 @@ def _decimal(cells: list[list[str]], separator: str) -> str:
     return "," if with_comma > with_point else "."
 
 
-def _sheet(
-    path: Path,
-    cells: list[list[str]],
-    numbers: list[int],
-    separator: str,
-    decimal: str,
-    encoding: str,
-    direct: bool,
-) -> Sheet:
-    numbers = numbers or list(range(1, len(cells) + 1))
+def _sheet(path: Path, cells: list[list[str]], numbers: list[int], decimal: str) -> tuple[Sheet, bool]:
+    """The table in `cells`, and whether it is all that follows a single line of names."""
     width = Counter(len(row) for row in cells).most_common(1)[0][0]
     # Cells that hold numbers; rows of None are of another width than the table.
     counts = [sum(is_number(cell, decimal) for cell in row) if len(row) == width else None for row in cells]
@@ -254,19 +265,8 @@ def _sheet(
         raise InputError(f"{path}: found no row of numbers, expected a table of measurements")
     header, units, header_row, plain = _header(path, cells[:first], numbers, width)
     rows = [(row, n) for row, n in zip(cells[first:], numbers[first:], strict=True) if len(row) == width]
-    direct = direct and plain and len(rows) == len(cells) - first
-    return Sheet(
-        path,
-        header,
-        units,
-        [row for row, _ in rows],
-        [n for _, n in rows],
-        separator,
-        decimal,
-        encoding,
-        header_row,
-        direct,
-    )
+    sheet = Sheet(path, header, units, [row for row, _ in rows], [n for _, n in rows], header_row, decimal)
+    return sheet, plain and len(rows) == len(cells) - first
 
 
 def _header(
@@ -320,12 +320,14 @@ def _as_spatialanalyzer(sheet: Sheet) -> Sheet:
     """
     if sheet.separator == " " or len(sheet.header) < len(_SPATIALANALYZER):
         return sheet
-    columns = [sheet.cells(name) for name in sheet.header[: len(_SPATIALANALYZER)]]
-    is_figure = [[is_number(cell, sheet.decimal) for cell in cells] for cells in columns]
-    whole = all(cell.isdigit() or not is_number(cell, sheet.decimal) for cell in columns[2])
-    if any(map(any, is_figure[:2])) or not whole or not all(map(all, is_figure[3:])):
+    names, more = sheet.header[: len(_SPATIALANALYZER)], sheet.header[len(_SPATIALANALYZER) :]
+    collection, group, target = (
+        [is_number(c, sheet.decimal) for c in sheet.cells(name)] for name in names[:3]
+    )
+    whole = all(cell.isdigit() for cell, figure in zip(sheet.cells(names[2]), target, strict=True) if figure)
+    if any(collection) or any(group) or not whole or not all(map(sheet.is_numeric, names[3:])):
         return sheet
-    header = [*_SPATIALANALYZER, *sheet.header[len(_SPATIALANALYZER) :]]
+    header = [*_SPATIALANALYZER, *more]
     note = f"no header: columns are taken as {', '.join(_SPATIALANALYZER)}, as SpatialAnalyzer writes points"
     return replace(sheet, header=header, direct=False, note=note)
 
@@ -365,22 +367,13 @@ def _workbook(path: Path) -> list[list[str]]:
     try:
         import openpyxl
     except ImportError:
-        raise InputError(
-            f"{path}: found an XLSX, expected openpyxl to read it with: pip install openpyxl, "
-            "or export the sheet as CSV"
-        ) from None
+        how = "pip install openpyxl, or export the sheet as CSV"
+        raise InputError(f"{path}: found an XLSX, expected openpyxl to read it with: {how}") from None
     read_bytes(path, largest_bytes=LARGEST_TEXT_BYTES)
     try:
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
-        sheets = {
-            sheet.title: [
-                ["" if cell is None else str(cell) for cell in row]
-                for row in sheet.iter_rows(values_only=True)
-            ]
-            for sheet in book.worksheets
-        }
+        sheets = [list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets]
     except Exception as error:
         raise InputError(f"{path}: cannot be read as an XLSX ({error})") from None
-    filled = {title: [row for row in rows if any(row)] for title, rows in sheets.items()}
-    best = max(filled, key=lambda title: len(filled[title]))
-    return filled[best] or [[""]]
+    texts = [[["" if cell is None else str(cell) for cell in row] for row in rows] for rows in sheets]
+    return max(([row for row in rows if any(row)] for rows in texts), key=len) or [[""]]

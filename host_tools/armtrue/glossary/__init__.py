@@ -17,6 +17,11 @@ class Entry:
     also: str
     text: str
 
+    @property
+    def names(self) -> list[str]:
+        """All that the term is called."""
+        return [self.name, *filter(None, self.also.split(", "))]
+
 
 def glossary() -> dict[str, Entry]:
     """All terms by name, in alphabetical order; text without Markdown."""
@@ -32,8 +37,7 @@ def find(term: str) -> Entry | None:
     """The entry that goes by `term`, whatever its case; a plural finds the singular."""
     wanted = term.lower().replace("-", " ").replace("_", " ").strip()
     for entry in glossary().values():
-        names = [entry.name, *re.split(r", ", entry.also)]
-        plain = [name.lower().replace("-", " ").replace("_", " ") for name in names if name]
+        plain = [name.lower().replace("-", " ").replace("_", " ") for name in entry.names]
         if wanted in plain or wanted.removesuffix("s") in plain:
             return entry
     return None

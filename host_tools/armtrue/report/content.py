@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from armtrue import _core
 from armtrue.arrays import Array
+from armtrue.candidates import name as called
 from armtrue.diagnosis import diagnose
 from armtrue.fitting import Fit
 from armtrue.progress import Progress
@@ -29,7 +30,6 @@ from armtrue.report.gathered.state import (
 )
 from armtrue.report.gathered.steps import Step, check_same_data, steps_of, titles_of
 from armtrue.report.gathered.structure import Finding, findings_of
-from armtrue.report.names import called
 
 _LEADING = 3
 _NOTHING = 1e-9  # rounding error, as a share of the largest reading
@@ -155,21 +155,20 @@ def gather(
     InputError where measurements are gone or changed, or where the fits are not of the same ones.
     """
     check_same_data(fits)
-    steps = steps_of(_with_steps_between(fits, titles_of(fits, names)))
+    titles = titles_of(fits, names)
+    shown: list[tuple[Fit, str | None]] = [(fits[0], titles[0])]
+    for (before, after), title in zip(pairwise(fits), titles[1:], strict=True):
+        shown += [*((fit, None) for fit in between(before, after)), (after, title)]
+    steps = steps_of(shown)
     of_given = iter([*known, *[None] * len(fits)])
-    results = [next(of_given) if step.given else None for step in steps]
     last = steps[-1].fit
     along = directions(last)
-    return Report(
-        steps,
-        variables(last),
-        along,
-        [
-            _diagnosed(step, result, along, progress, between=step not in (steps[0], steps[-1]))
-            for step, result in zip(steps, results, strict=True)
-        ],
-        tiny_levers(last),
-    )
+    diagnoses = []
+    for step in steps:
+        known_of_step = next(of_given) if step.given else None
+        inner = step not in (steps[0], steps[-1])
+        diagnoses.append(_diagnosed(step, known_of_step, along, progress, inner))
+    return Report(steps, variables(last), along, diagnoses, tiny_levers(last))
 
 
 def shown_again(fits: list[Fit], names: list[str], results: list[dict[str, Any]]) -> Report:
@@ -191,22 +190,15 @@ def added_variable(fit: Fit, candidate: dict[str, Any]) -> AddedVariable | None:
     return _added_variable(step, candidate)
 
 
-def _with_steps_between(fits: list[Fit], titles: list[str]) -> list[tuple[Fit, str | None]]:
-    result: list[tuple[Fit, str | None]] = [(fits[0], titles[0])]
-    for (before, after), title in zip(pairwise(fits), titles[1:], strict=True):
-        result += [*((fit, None) for fit in between(before, after)), (after, title)]
-    return result
-
-
 def _diagnosed(
     step: Step, known: dict[str, Any] | None, along: list[Direction], progress: Progress | None, between: bool
 ) -> StepDiagnosis:
     """A diagnosis with added variables of its leading candidates; if `between`, only of those that it recommends."""
     shown = _shown(step, known or diagnose(step.fit, progress), along)
     result = shown.result
-    leading = (
-        [c for c in result["candidates"] if c["recommend"]] if between else result["candidates"][:_LEADING]
-    )
+    leading = result["candidates"][:_LEADING]
+    if between:
+        leading = [candidate for candidate in result["candidates"] if candidate["recommend"]]
     plots = [(called(candidate), _added_variable(step, candidate)) for candidate in leading]
     drawn = [plot for _, plot in plots if plot is not None]
     not_drawn = [name for name, plot in plots if plot is None]
@@ -217,9 +209,8 @@ def _shown(step: Step, result: dict[str, Any], along: list[Direction]) -> StepDi
     """A diagnosis with its spectra and findings, and without added variables."""
     joints = step.fit.robot.joints
     readings = {number: _independent(step, number, along) for number in range(1, len(joints) + 1)}
-    return StepDiagnosis(
-        step, result, spectra_of(result, joints, readings), [], [], findings_of(step, result)
-    )
+    spectra = spectra_of(result, joints, readings)
+    return StepDiagnosis(step, result, spectra, [], [], findings_of(step, result))
 
 
 def _independent(step: Step, number: int, along: list[Direction]) -> float:

@@ -6,11 +6,12 @@
     figures.waterfall(report)
     figures.vectors(report)
 
-Every function returns a `Picture`.
+Every function draws one section of the page and returns it as a `Picture`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from armtrue.io.files import write_file
@@ -45,59 +46,28 @@ class Picture:
 
     def _repr_html_(self) -> str:
         # An iframe keeps the section's style and script apart from the notebook's.
-        return tag(
-            "iframe",
-            title=self.title,
-            srcdoc=self.html,
-            onload=_FIT_THE_HEIGHT,
-            style=f"width:100%;height:{_HEIGHT}px;border:0",
-        )
+        style = f"width:100%;height:{_HEIGHT}px;border:0"
+        return tag("iframe", title=self.title, srcdoc=self.html, onload=_FIT_THE_HEIGHT, style=style)
 
     def save(self, path: str | Path) -> None:
         """Write the page. Errors: InputError where that cannot be done."""
         write_file(Path(path), self.html)
 
 
-def waterfall(report: Report) -> Picture:
-    """Held-out and training errors at each step, and the noise floor."""
-    return Picture("How the error fell", error_section(report))
+def _drawn(title: str, section: Callable[[Report], Markup | None]) -> Callable[[Report], Picture]:
+    def draw(report: Report) -> Picture:
+        return Picture(title, section(report))
+
+    draw.__doc__ = section.__doc__
+    return draw
 
 
-def vectors(report: Report) -> Picture:
-    """Residual vectors over the arm, of the first and the last step."""
-    return Picture("Where the error points", vectors_section(report))
-
-
-def state(report: Report) -> Picture:
-    """The residual against every state variable, the strongest dependence first."""
-    return Picture("What the error depends on", state_section(report))
-
-
-def spectra(report: Report) -> Picture:
-    """Share of the squared residual that each period of each joint explains."""
-    return Picture("Periods of the joints", spectra_section(report))
-
-
-def candidates(report: Report) -> Picture:
-    """Candidates of every step with their evidence."""
-    return Picture("What is missing", candidates_section(report))
-
-
-def added_variables(report: Report) -> Picture:
-    """Added-variable plots of the leading candidates."""
-    return Picture("What the leading candidates would do", added_variable_section(report))
-
-
-def unexplained(report: Report) -> Picture:
-    """Smooth dependence that no effect of the catalogue explains."""
-    return Picture("Structure that no effect explains", unexplained_section(report))
-
-
-def parameters(report: Report) -> Picture:
-    """Parameters of the last step with their standard deviations."""
-    return Picture("The model that was fitted", parameters_section(report))
-
-
-def coverage(report: Report) -> Picture:
-    """Where the arm was measured."""
-    return Picture("Where the arm was measured", coverage_section(report))
+waterfall = _drawn("How the error fell", error_section)
+vectors = _drawn("Where the error points", vectors_section)
+state = _drawn("What the error depends on", state_section)
+spectra = _drawn("Periods of the joints", spectra_section)
+candidates = _drawn("What is missing", candidates_section)
+added_variables = _drawn("What the leading candidates would do", added_variable_section)
+unexplained = _drawn("Structure that no effect explains", unexplained_section)
+parameters = _drawn("The model that was fitted", parameters_section)
+coverage = _drawn("Where the arm was measured", coverage_section)

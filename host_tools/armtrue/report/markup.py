@@ -36,19 +36,6 @@ def join(*content: Content) -> Markup:
     return Markup("".join(_text(piece) for piece in content))
 
 
-def html_page(title: str, style: Content, body: Markup) -> str:
-    """An HTML document. `style`: the element with its style sheet, which ends the head."""
-    head = tag(
-        "head",
-        tag("meta", charset="utf-8"),
-        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        tag("meta", name="color-scheme", content="light dark"),
-        tag("title", title),
-        style,
-    )
-    return join(Markup("<!doctype html>\n"), tag("html", head, body, lang="en")) + "\n"
-
-
 def _text(piece: Content) -> str:
     if piece is None:
         return ""

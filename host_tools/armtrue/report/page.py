@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from importlib.resources import files
 
+from armtrue.candidates import name as called
 from armtrue.report.content import Report
 from armtrue.report.gathered.steps import floor_source
-from armtrue.report.markup import Content, Markup, html_page, join, tag
-from armtrue.report.names import called
+from armtrue.report.markup import Content, Markup, join, tag
 from armtrue.report.parts import micrometres, scored_um
 from armtrue.report.sections.data_sections import (
     about_section,
@@ -50,28 +50,33 @@ def page(report: Report) -> str:
     shown.append(("glossary", "Glossary", glossary_section(join(*(content for _, _, content in shown)))))
     links = [tag("li", tag("a", short, href=f"#{key}")) for key, short, _ in shown]
     robot = str(report.last.fit.robot.spec.get("name", "robot"))
+    footer = [
+        "Lengths in µm, angles in arcseconds (″) or degrees; joints count from 1. Words are explained in the ",
+        tag("a", "glossary", href="#glossary"),
+        ".",
+    ]
     return document(
         f"Calibration of {robot}",
         tag("a", "Skip to the report", href="#error", class_="skip"),
         tag("header", _summary(report, robot)),
         tag("nav", tag("ul", links), aria_label="sections"),
         tag("main", [content for _, _, content in shown]),
-        tag(
-            "footer",
-            tag(
-                "p",
-                "Lengths in µm, angles in arcseconds (″) or degrees; joints count from 1. Words are explained in the ",
-                tag("a", "glossary", href="#glossary"),
-                ".",
-            ),
-        ),
+        tag("footer", tag("p", footer)),
     )
 
 
 def document(title: str, *content: Content) -> str:
     """An HTML document of parts of the report, with their style and script inside it."""
+    head = tag(
+        "head",
+        tag("meta", charset="utf-8"),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("meta", name="color-scheme", content="light dark"),
+        tag("title", title),
+        tag("style", _file("style.css")),
+    )
     body = tag("body", *content, tag("script", _file("geometry.js"), _file("viewer.js")))
-    return html_page(title, tag("style", _file("style.css")), body)
+    return f"<!doctype html>\n{tag('html', head, body, lang='en')}\n"
 
 
 def _summary(report: Report, robot: str) -> Content:
@@ -92,18 +97,16 @@ def _summary(report: Report, robot: str) -> Content:
     named = f" The evidence points to {called(best)}." if best is not None else ""
     added = [effect for step in report.steps[1:] for effect in step.added]
     story = f" Added since the first step: {'; '.join(added)}." if added else ""
+    terms = [
+        tag("div", tag("dt", name), tag("dd", tag("b", value), tag("small", note)))
+        for name, value, note in figures
+    ]
     return [
         tag("p", "Calibration report", class_="kicker"),
         tag("h1", robot),
         tag("p", made_words(report), class_="made"),
         tag("p", verdict_words(report.diagnoses[-1].result), named, story, class_=f"verdict {verdict}"),
-        tag(
-            "dl",
-            [
-                tag("div", tag("dt", name), tag("dd", tag("b", value), tag("small", note)))
-                for name, value, note in figures
-            ],
-        ),
+        tag("dl", terms),
     ]
 
 

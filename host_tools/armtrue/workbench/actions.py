@@ -19,9 +19,8 @@ from armtrue.workbench.showing.beside import planned_between
 from armtrue.workbench.showing.further import Result, rows_between
 from armtrue.workbench.showing.left_out import error_there, said_there
 from armtrue.workbench.showing.measured_again import compared, joined
-from armtrue.workbench.showing.names import change_words
 from armtrue.workbench.showing.poses import planned
-from armtrue.workbench.showing.words import fall_words, first_words, length, rows_words
+from armtrue.workbench.showing.words import change_words, fall_words, first_words, length, rows_words
 
 if TYPE_CHECKING:
     from armtrue.workbench.engine import Engine
@@ -84,28 +83,21 @@ def _change(engine: Engine, effects: list[Entry]) -> None:
         session.go(child.number)
         engine.said = child.said
         return
-    before = session.node
-    fit = _fitted(engine, session.fit_of(session.at), effects, before)
-    _put(engine, fit, before)
+    _put(engine, _fitted(engine, session.fit_of(session.at), effects))
 
 
 def _made_before(session: Session, effects: list[Entry]) -> Node | None:
     """The model with these effects that was made from the shown one; None where there is none."""
-    alike = (
-        child
-        for child in session.children(session.at)
-        if child.effects == effects and child.left_out == session.node.left_out
-    )
-    return next(alike, None)
+    wanted = (effects, session.node.left_out)
+    children = session.children(session.at)
+    return next((child for child in children if (child.effects, child.left_out) == wanted), None)
 
 
-def _fitted(
-    engine: Engine, base: Fit, effects: list[Entry], before: Node, left_out: list[int] | None = None
-) -> Fit:
+def _fitted(engine: Engine, base: Fit, effects: list[Entry], left_out: list[int] | None = None) -> Fit:
     """Fit `base` with these effects; with many measurements the page shows first figures, from some, meanwhile."""
     some = fit_to_some(base, effects, engine.tell)
     if some is not None:
-        node = node_of(engine.session, some, before, left_out)
+        node = node_of(engine.session, some, left_out)
         engine.show_first_figures(FirstFigures(node, some, base.data.count))
     return with_effects(base, effects, engine.tell)
 
@@ -118,9 +110,9 @@ def _leave_out(engine: Engine, words: Entry) -> None:
     known = set(session.data.rows.tolist())
     if unknown := sorted(set(rows) - known):
         raise InputError(f"leave_out: found row {unknown[0]}, expected a row of {session.data.file.name}")
-    before, out = session.node, sorted(set(rows))
+    out = sorted(set(rows))
     bare = Fit(session.fit_of(session.at).document, None, session.data.without(out))
-    _put(engine, _fitted(engine, bare, before.effects, before, out), before, out)
+    _put(engine, _fitted(engine, bare, session.node.effects, out), out)
 
 
 def _leave_out_where(engine: Engine, words: Entry) -> None:
@@ -169,8 +161,7 @@ def _switch(engine: Engine, words: Entry) -> None:
 
 def _show(engine: Engine, result: Result) -> None:
     engine.result, engine.said = result, result.said
-    if result.made is not None:
-        engine.made = result.made
+    engine.made = result.made or engine.made
 
 
 def _undo(engine: Engine, _words: Entry) -> None:
@@ -222,7 +213,7 @@ def _refine(engine: Engine, _words: Entry) -> None:
             if child := _made_before(session, fit.effects):
                 session.go(child.number)
             else:
-                _put(engine, fit, session.node, diagnosis=diagnosis)
+                _put(engine, fit, diagnosis=diagnosis)
             engine.announce()
             steps += 1
         if session.diagnosis_of(session.at) is None:
@@ -233,16 +224,13 @@ def _refine(engine: Engine, _words: Entry) -> None:
     try:
         refine(session.fit_of(session.at), engine.tell, keep)
     except PausedError:
-        engine.said = (
-            f"Paused after {plural(steps, 'step')}; Refine goes on. {fall_words(first, session.node.mean_um)}"
-        )
-        return
-    what = f"Refined in {steps} steps" if steps != 1 else "Refined in one step"
-    engine.said = (
-        f"{what}. {fall_words(first, session.node.mean_um)}"
-        if steps
-        else "Refine found nothing to add or remove."
-    )
+        what = f"Paused after {plural(steps, 'step')}; Refine goes on"
+    else:
+        what = f"Refined in {steps} steps" if steps != 1 else "Refined in one step"
+        if not steps:
+            engine.said = "Refine found nothing to add or remove."
+            return
+    engine.said = f"{what}. {fall_words(first, session.node.mean_um)}"
 
 
 def _open(engine: Engine, words: Entry) -> None:
@@ -288,28 +276,18 @@ def _revert(engine: Engine, _words: Entry) -> None:
     engine.said = "The device has gone back to the table before."
 
 
-def _put(
-    engine: Engine,
-    fit: Fit,
-    before: Node,
-    left_out: list[int] | None = None,
-    diagnosis: Entry | None = None,
-) -> None:
-    node = node_of(engine.session, fit, before, left_out, diagnosis)
+def _put(engine: Engine, fit: Fit, left_out: list[int] | None = None, diagnosis: Entry | None = None) -> None:
+    node = node_of(engine.session, fit, left_out, diagnosis)
     engine.session.put(node, fit, diagnosis)
     engine.first_figures = None
     engine.said = node.said
 
 
 def node_of(
-    session: Session,
-    fit: Fit,
-    before: Node | None = None,
-    left_out: list[int] | None = None,
-    diagnosis: Entry | None = None,
+    session: Session, fit: Fit, left_out: list[int] | None = None, diagnosis: Entry | None = None
 ) -> Node:
-    """The next node of `session`, a child of `before` or else of the shown node."""
-    before = before or (session.node if session.nodes else None)
+    """The next node of `session`, a child of the shown node."""
+    before = session.node if session.nodes else None
     effects = fit.effects
     old = before.effects if before else []
     added = [entry for entry in effects if entry not in old] if before else []
@@ -321,16 +299,12 @@ def node_of(
     node = Node(
         len(session.nodes), before.number if before else None, effects, added, removed, out,
         fit.document["error"], floor, verdict, change, "",
+        left_out_error=error_there(fit, session.data, out), turn_error_rad=fit.orientation_error(),
     )  # fmt: skip
-    node.left_out_error = error_there(fit, session.data, out)
-    node.turn_error_rad = fit.orientation_error()
-    upper = change[0].upper() + change[1:]
-    node.said = (
-        f"{upper}. {fall_words(before.mean_um, node.mean_um)}" if before else first_words(node.mean_um)
-    )
-    node.said = " ".join([node.said, *_held_back(fit, added)])
-    if out:
-        node.said = f"{node.said} {said_there(node)}"
+    said = [first_words(node.mean_um)]
+    if before:
+        said = [f"{change[0].upper()}{change[1:]}. {fall_words(before.mean_um, node.mean_um)}"]
+    node.said = " ".join([*said, *_held_back(fit, added), *([said_there(node)] if out else [])])
     return node
 
 
@@ -339,9 +313,10 @@ def _held_back(fit: Fit, added: list[Entry]) -> list[str]:
     parameters = fit.document["parameters"]
     names = {entry["effect"] for entry in added}
     names -= {parameter["effect"] for parameter in parameters if not parameter["held"]}
-    sentences = [str(sentence) for sentence in fit.document["unobservable"]]
-    told = [sentence for sentence in sentences if any(name in sentence for name in names)]
-    return [f"These data do not show it: {sentence}." for sentence in told]
+    sentences = fit.document["unobservable"]
+    return [
+        f"These data do not show it: {said}." for said in sentences if any(name in said for name in names)
+    ]
 
 
 def _whole(words: Entry, key: str, count: int) -> int:

@@ -132,12 +132,10 @@ def device_view(device: Device) -> Markup:
         return tag("p", failure or f"Waiting for the device on {device.name}.")
     streaming = "joint commands arrive" if snapshot.streaming else "no joint commands arrive"
     trial = ", table on trial" if snapshot.trial else ""
-    rows: list[list[Content]] = [
-        [str(axis), str(target), minus(f"{correction:+d}"), str(clamped)]
-        for axis, (target, correction, clamped) in enumerate(
-            zip(snapshot.targets, snapshot.corrections, snapshot.clamped_cycles, strict=True), start=1
-        )
-    ]
+    of_axes = zip(snapshot.targets, snapshot.corrections, snapshot.clamped_cycles, strict=True)
+    rows: list[list[Content]] = []
+    for axis, (target, correction, clamped) in enumerate(of_axes, start=1):
+        rows.append([str(axis), str(target), minus(f"{correction:+d}"), str(clamped)])
     heads = ["axis", "target [increments]", "correction [increments]", "clamped cycles"]
     counted = ", ".join(f"{name.lower()} {value}" for name, value in snapshot.counters.items())
     return tag(

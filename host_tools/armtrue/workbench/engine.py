@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import threading
 import time
@@ -12,6 +13,7 @@ from typing import Any
 
 from armtrue.errors import InputError
 from armtrue.io import Robot, load_data
+from armtrue.io.files import read_text, write_file
 from armtrue.progress import Progress
 from armtrue.units import plural
 from armtrue.workbench.actions import BESIDE_A_DIAGNOSIS, WORK, node_of
@@ -22,7 +24,6 @@ from armtrue.workbench.first_figures import FirstFigures
 from armtrue.workbench.lock import HeldElsewhereError, SessionLocks
 from armtrue.workbench.opening.dropped import Drop
 from armtrue.workbench.opening.opened import Opened
-from armtrue.workbench.opening.waiting import folder_of_waiting, go_on_waiting, keep_waiting
 from armtrue.workbench.outputs import Made
 from armtrue.workbench.session import Session, default_folder, joined_files, key_of, load_session
 from armtrue.workbench.showing.further import Result
@@ -108,9 +109,8 @@ class Engine:
         if self.first_figures is not None:
             return f"{self.shown}/first figures"
         diagnosis = self.session.diagnosis_of(self.session.at)
-        return (
-            f"{self.shown}/{'nothing' if diagnosis is None else 'all' if 'spectra' in diagnosis else 'some'}"
-        )
+        much = "nothing" if diagnosis is None else "all" if "spectra" in diagnosis else "some"
+        return f"{self.shown}/{much}"
 
     def is_at(self, address: str) -> None:
         """Note the address of the page: another workbench that wants an open session names it."""
@@ -254,27 +254,33 @@ class Engine:
         with self.changed:
             return self.drop.draft
 
-    def _waits_alone(self) -> bool:
-        """Lock the folder of waiting files; False while another workbench without a session holds it."""
+    def _waiting_list(self) -> Path | None:
+        """The list of files that wait to be opened, locked; None while another workbench without a session has it."""
+        folder = default_folder("waiting")
         try:
-            self._waiting_lock.hold(folder_of_waiting())
+            self._waiting_lock.hold(folder)
         except HeldElsewhereError:
-            return False
-        return True
+            return None
+        return folder / "files.json"
 
     def keep_waiting(self) -> None:
         """Save which files wait to be opened. Errors: InputError or OSError where that cannot be written."""
-        if self._waits_alone():
-            keep_waiting(self.drop)
+        if place := self._waiting_list():
+            if self.drop.names:
+                write_file(place, json.dumps(self.drop.as_json()) + "\n")
+            else:
+                place.unlink(missing_ok=True)
         self._let_others_wait()
 
     def go_on_waiting(self) -> None:
-        """Restore the files that were dropped before anything was opened."""
+        """Restore the files that were dropped before anything was opened; an unreadable list is ignored."""
         try:
-            alone = self._waits_alone()
-        except InputError:
-            return  # an unwritable folder is reported when the first file is dropped
-        if alone and go_on_waiting(self.drop):
+            place = self._waiting_list()
+            if place and place.is_file():
+                self.drop.go_on(json.loads(read_text(place)))
+        except (InputError, ValueError, KeyError, TypeError, AttributeError):
+            self.drop.forget()
+        if self.drop.names:
             self.said = "The files that were dropped last wait to be opened."
         self._let_others_wait()
 

@@ -73,7 +73,7 @@ def _measurements(data: Dataset) -> dict[str, bytes]:
     found = {data.file.name: data.file.read_bytes()}
     if data.path != data.file:
         described = {**yaml.safe_load(read_text(data.path)), "file": data.file.name}
-        found[data.path.name] = yaml.safe_dump(described, sort_keys=False, allow_unicode=True).encode()
+        found[data.path.name] = _yaml(described)
     return found
 
 
@@ -82,9 +82,8 @@ def _report(session: Session, progress: Progress | None) -> Made:
     fits = [session.fit_of(node.number) for node in path]
     names = [node.name or node.change for node in path]
     # Diagnoses made during Refine lack spectra.
-    known = [
-        session.diagnosis_of(node.number) if session.is_diagnosed(node.number) else None for node in path
-    ]
+    numbers = [node.number for node in path]
+    known = [session.diagnosis_of(number) if session.is_diagnosed(number) else None for number in numbers]
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "report.html"
         write(fits, place, progress, names, known)
@@ -107,17 +106,14 @@ def _as_yaml(session: Session, node: Node) -> bytes:
     shown: dict[str, Any] = {
         "effects": [entry["effect"] if len(entry) == 1 else entry for entry in model["effects"]]
     }
-    for key in ("parameters", "priors"):
-        if model.get(key):
-            shown[key] = model[key]
+    shown |= {key: model[key] for key in ("parameters", "priors") if model.get(key)}
     if instrument := document["options"].get("instrument"):
         shown["instrument"] = instrument
-    return yaml.safe_dump(shown, sort_keys=False, allow_unicode=True).encode()
+    return _yaml(shown)
 
 
-def _robot(session: Session) -> bytes:
-    spec = session.fit_of(session.at).document["robot"]
-    return yaml.safe_dump(spec, sort_keys=False, allow_unicode=True).encode()
+def _yaml(document: dict[str, Any]) -> bytes:
+    return yaml.safe_dump(document, sort_keys=False, allow_unicode=True).encode()
 
 
 def _commands(session: Session, data: str) -> str:
@@ -125,12 +121,8 @@ def _commands(session: Session, data: str) -> str:
 
     `data`: where they find the measurements.
     """
-    lines = [
-        "#!/bin/sh",
-        "# The session as commands.",
-        "set -e",
-        *_here("session-robot.yaml", _robot(session)),
-    ]
+    robot = _yaml(session.fit_of(session.at).document["robot"])
+    lines = ["#!/bin/sh", "# The session as commands.", "set -e", *_here("session-robot.yaml", robot)]
     for k, node in enumerate(session.path):
         lines += _step_commands(session, node, k, data)
     last = len(session.path) - 1

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
-from armtrue.arrays import Array
+from armtrue.arrays import Array, rigid_motion, rms_length
 from armtrue.checking.alignment import Columns, align, thinned
 from armtrue.checking.residuals import gross_limit_m
 from armtrue.checking.scatter.repeats import numbered, set_up_of_row
 from armtrue.io.columns import POSITION, commanded_joints
 from armtrue.io.robot import Robot
-from armtrue.tables.chain import Chain, chain_from_robot, pose, transform
+from armtrue.io.rotation import matrix_from_rotation_vector
+from armtrue.tables.chain import chain_from_robot, pose, transform
 
 _PASSES = 4
 # Combinations of coordinates with a singular value below this share of the largest stay at their nominal value.
@@ -31,9 +29,8 @@ _EXPLAINED_SHARE = 0.25
 _EQUATIONS_PER_UNKNOWN = 3.0
 
 
-@dataclass(frozen=True)
 class Geometry:
-    """An arm whose geometry was fitted to points, N rows.
+    """An arm whose geometry is fitted to points, N rows, by Gauss-Newton from nominal values.
 
     `nominal_m` (N, 3): measured minus predicted with nominal kinematics. `residual_m` (N, 3): with geometry fitted.
     `span` (3N, r): orthonormal basis of the changes that geometry can make. `follows` (N,): rows without gross error.
@@ -42,29 +39,50 @@ class Geometry:
     `largest_turn` [rad], `largest_shift_m`: largest corrections of zeros and links.
     """
 
-    chain: Chain
-    reach_m: float
-    nominal_m: Array
-    residual_m: Array
-    span: Array
-    follows: NDArray[np.bool_]
-    frames: list[Array]
-    flange: Array
-    points: Array
-    bases: list[Array]
-    tool: NDArray[np.int64]
-    largest_turn: float
-    largest_shift_m: float
+    def __init__(self, columns: Columns, robot: Robot) -> None:
+        """Fit `columns` (q1…qn, x, y, z, and target, station, nest if present).
+
+        Errors: ValueError if there are too few rows to align.
+        """
+        self.chain = chain_from_robot(robot.spec)
+        self.reach_m = robot.reach_m
+        self._measured = np.column_stack([columns[name] for name in POSITION])
+        joints = np.column_stack([columns[name] for name in commanded_joints(columns)])
+        link = self.chain.link_variables(joints)
+        self._turned = [self.chain.joint_transforms(k, link[:, k]) for k in range(self.chain.joint_count)]
+        # The frame after each joint has a correction in six coordinates.
+        self._corrections = [np.eye(4) for _ in range(self.chain.joint_count)]
+        count = len(joints)
+        self._set_up = set_up_of_row(columns)
+        seat = [columns[name] for name in ("target", "nest") if name in columns]
+        self.tool = numbered(np.zeros(count), *seat)
+        known = {name: values for name, values in columns.items() if name != "nest"}
+        found = align(thinned(known, _ROWS_ALIGNED), robot)
+        self.bases = [pose(dict(found.measuring_from_base))] * (int(self._set_up.max()) + 1)
+        first = next(iter(found.flange_from_tool.values()))
+        targets = columns.get("target", np.zeros(count)).astype(np.int64)
+        codes = [str(targets[self.tool == number][0]) for number in range(int(self.tool.max()) + 1)]
+        self._tools = np.array([found.flange_from_tool.get(code, first)["xyz"] for code in codes])
+        self._place()
+        if len(self.bases) > 1:
+            self._place_set_ups()
+        self.nominal_m = self.residual_m
+        for _ in range(_PASSES):
+            self._step()
+        self.span = self._decomposed()[0]
+        cosines = [(np.trace(one[:3, :3]) - 1.0) / 2.0 for one in self._corrections]
+        self.largest_turn = max(float(np.arccos(np.clip(cosine, -1.0, 1.0))) for cosine in cosines)
+        self.largest_shift_m = max(float(np.linalg.norm(one[:3, 3])) for one in self._corrections)
 
     @property
     def nominal_rms_m(self) -> float:
         """RMS distance with nominal kinematics, without gross errors."""
-        return _rms(self.nominal_m[self.follows])
+        return rms_length(self.nominal_m[self.follows])
 
     @property
     def rms_m(self) -> float:
         """RMS distance with geometry fitted, without gross errors."""
-        return _rms(self.residual_m[self.follows])
+        return rms_length(self.residual_m[self.follows])
 
     @property
     def explains(self) -> bool:
@@ -78,77 +96,18 @@ class Geometry:
             and self.largest_shift_m <= _PLAUSIBLE_SHARE * self.reach_m
         )
 
-
-def fit_geometry(columns: Columns, robot: Robot) -> Geometry:
-    """Fit `columns` (q1…qn, x, y, z, and target, station, nest if present) by Gauss-Newton from nominal values.
-
-    Errors: ValueError if there are too few rows to align.
-    """
-    state = _State(columns, robot)
-    nominal = state.residual()
-    for _ in range(_PASSES):
-        state.step()
-    span, _, _ = state.decomposed()
-    cosines = [(np.trace(one[:3, :3]) - 1.0) / 2.0 for one in state.corrections]
-    turns = [float(np.arccos(np.clip(cosine, -1.0, 1.0))) for cosine in cosines]
-    shifts = [float(np.linalg.norm(one[:3, 3])) for one in state.corrections]
-    return Geometry(
-        state.chain,
-        robot.reach_m,
-        nominal,
-        state.residual(),
-        span,
-        state.follows(),
-        state.frames,
-        state.flange,
-        state.points,
-        state.bases,
-        state.tool,
-        max(turns),
-        max(shifts),
-    )
-
-
-class _State:
-    """The state between two Gauss-Newton steps: the frame after each joint has a correction in six coordinates."""
-
-    def __init__(self, columns: Columns, robot: Robot) -> None:
-        self.chain = chain_from_robot(robot.spec)
-        self._reach_m = robot.reach_m
-        self._measured = np.column_stack([columns[name] for name in POSITION])
-        joints = np.column_stack([columns[name] for name in commanded_joints(columns)])
-        link = self.chain.link_variables(joints)
-        self._turned = [self.chain.joint_transforms(k, link[:, k]) for k in range(self.chain.joint_count)]
-        self.corrections = [np.eye(4) for _ in range(self.chain.joint_count)]
-        count = len(joints)
-        self._set_up = set_up_of_row(columns)
-        seat = [columns[name] for name in ("target", "nest") if name in columns]
-        self.tool = numbered(np.zeros(count), *seat)
-        known = {name: values for name, values in columns.items() if name != "nest"}
-        found = align(thinned(known, _ROWS_ALIGNED), robot)
-        base = pose(dict(found.measuring_from_base))
-        self.bases = [base for _ in range(int(self._set_up.max()) + 1)]
-        first = next(iter(found.flange_from_tool.values()))
-        targets = columns.get("target", np.zeros(count)).astype(np.int64)
-        self._tools = np.array(
-            [
-                found.flange_from_tool.get(str(targets[self.tool == number][0]), first)["xyz"]
-                for number in range(int(self.tool.max()) + 1)
-            ]
-        )
-        self._place()
-        if len(self.bases) > 1:
-            self._place_set_ups()
-
     def _place(self) -> None:
         current = np.stack(self.bases)[self._set_up]
         self.frames = [current]
-        for fixed, turned, corrected in zip(self.chain.fixed, self._turned, self.corrections, strict=True):
+        for fixed, turned, corrected in zip(self.chain.fixed, self._turned, self._corrections, strict=True):
             current = current @ fixed @ turned @ corrected
             self.frames.append(current)
         self.flange = current @ self.chain.end
         offset = self.flange[:, :3, :3] @ self._tools[self.tool][:, :, None]
         self.points = offset[:, :, 0] + self.flange[:, :3, 3]
+        self.residual_m = np.asarray(self._measured - self.points)
+        distance = np.linalg.norm(self.residual_m, axis=1)
+        self.follows = np.asarray(distance <= gross_limit_m(distance))
 
     def _place_set_ups(self) -> None:
         """Give each set-up the frame that brings its own points onto the arm."""
@@ -156,26 +115,15 @@ class _State:
         for number in range(len(self.bases)):
             rows = self._set_up == number
             if rows.sum() >= _FEWEST_OF_SET_UP:
-                self.bases[number] = rigid(self.points[rows], self._measured[rows]) @ base
+                self.bases[number] = rigid_motion(self.points[rows], self._measured[rows]) @ base
         self._place()
 
-    def residual(self) -> Array:
-        """Measured minus predicted (N, 3) [m]."""
-        return np.asarray(self._measured - self.points)
-
-    def follows(self) -> NDArray[np.bool_]:
-        """Mask (N,) of the rows without gross error."""
-        distance = np.linalg.norm(self.residual(), axis=1)
-        return np.asarray(distance <= gross_limit_m(distance))
-
-    def decomposed(self) -> tuple[Array, Array, Array]:
+    def _decomposed(self) -> tuple[Array, Array, Array]:
         """Left vectors (3N, r), singular values (r,) and right vectors (r, p) of the weighted design matrix."""
         count = len(self._measured)
-        moved = [
-            np.where((self._set_up == number)[:, None, None], self._by_frame(self.frames[0]), 0.0)
-            for number in range(len(self.bases))
-        ]
-        moved += [self._by_frame(frame) for frame in self.frames[1:]]
+        by_base, *moved = (moved_by(frame, self.points, self.reach_m) for frame in self.frames)
+        set_ups = [self._set_up == number for number in range(len(self.bases))]
+        moved = [*(np.where(rows[:, None, None], by_base, 0.0) for rows in set_ups), *moved]
         axes = self.flange[:, :3, :3].transpose(0, 2, 1)
         moved += [
             np.where((self.tool == number)[:, None, None], axes, 0.0) for number in range(len(self._tools))
@@ -183,27 +131,20 @@ class _State:
         design = np.concatenate(moved, axis=1).transpose(0, 2, 1).reshape(3 * count, -1)
         return seen_part(design * self._weight(), _LEAST_SEEN)
 
-    def step(self) -> None:
+    def _step(self) -> None:
         """One Gauss-Newton step."""
-        left, values, right = self.decomposed()
-        step = right.T @ ((left.T @ (self.residual().ravel() * self._weight()[:, 0])) / values)
-        six = 6 * (len(self.bases) + len(self.corrections))
-        changes = [self._correction(one) for one in step[:six].reshape(-1, 6)]
-        for number in range(len(self.bases)):
-            self.bases[number] = self.bases[number] @ changes[number]
-        for k, change in enumerate(changes[len(self.bases) :]):
-            self.corrections[k] = self.corrections[k] @ change
-        self._tools = self._tools + step[six:].reshape(-1, 3)
+        left, values, right = self._decomposed()
+        step = right.T @ ((left.T @ (self.residual_m.ravel() * self._weight()[:, 0])) / values)
+        moved = [*self.bases, *self._corrections]
+        sixes, tools = step[: 6 * len(moved)].reshape(-1, 6), step[6 * len(moved) :]
+        turns = matrix_from_rotation_vector(sixes[:, 3:] / self.reach_m)
+        moved = [one @ transform(six[:3], turn) for one, six, turn in zip(moved, sixes, turns, strict=True)]
+        self.bases, self._corrections = moved[: len(self.bases)], moved[len(self.bases) :]
+        self._tools = self._tools + tools.reshape(-1, 3)
         self._place()
 
     def _weight(self) -> Array:
-        return np.repeat(self.follows().astype(np.float64), 3)[:, None]
-
-    def _by_frame(self, frame: Array) -> Array:
-        return moved_by(frame, self.points, self._reach_m)
-
-    def _correction(self, six: Array) -> Array:
-        return transform(six[:3], _turn(six[3:] / self._reach_m))
+        return np.repeat(self.follows.astype(np.float64), 3)[:, None]
 
 
 def seen_part(design: Array, least: float) -> tuple[Array, Array, Array]:
@@ -222,26 +163,3 @@ def moved_by(frame: Array, points: Array, reach_m: float) -> Array:
     axes = frame[:, :3, :3].transpose(0, 2, 1)
     arm = (points - frame[:, :3, 3])[:, None, :]
     return np.concatenate([axes, np.cross(axes, arm) / reach_m], axis=1)
-
-
-def rigid(source: Array, goal: Array) -> Array:
-    """The 4 × 4 rigid motion of `source` (N, 3) onto `goal` (N, 3) with the least sum of squared distances."""
-    from_middle, to_middle = source.mean(axis=0), goal.mean(axis=0)
-    u, _, vt = np.linalg.svd((source - from_middle).T @ (goal - to_middle))
-    result = np.eye(4)
-    result[:3, :3] = (u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt).T
-    result[:3, 3] = to_middle - result[:3, :3] @ from_middle
-    return result
-
-
-def _turn(vector: Array) -> Array:
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-15:
-        return np.eye(3)
-    x, y, z = vector / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
-
-
-def _rms(residual: Array) -> float:
-    return float(np.sqrt((residual**2).sum(axis=1).mean())) if len(residual) else 0.0

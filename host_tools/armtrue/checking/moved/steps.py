@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from armtrue.arrays import Array
 from armtrue.checking.alignment import Columns, evenly
-from armtrue.checking.moved.geometry import Geometry, fit_geometry, moved_by, seen_part
+from armtrue.checking.moved.geometry import Geometry, moved_by, seen_part
 from armtrue.checking.moved.structure import span_of_all_else
 from armtrue.checking.report import Finding
 from armtrue.io.columns import commanded_joints
@@ -54,30 +54,28 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> list[Finding]:
     columns = {name: values[chosen] for name, values in measured.items()}
     columns |= {name: few.columns[name] for name in ("nest",) if name in few.columns}
     try:
-        geometry = fit_geometry(columns, robot)
+        geometry = Geometry(columns, robot)
     except ValueError:
         return []
-    return [
-        *(_finding(few, geometry, step, order) for step, order in _steps(few, geometry)),
-        *_set_ups(few, geometry),
-    ]
+    order = np.argsort(few.clock, kind="stable")
+    moved = [_finding(few, geometry, step, order) for step in _steps(few, geometry, order)]
+    return [*moved, *_set_ups(geometry)]
 
 
-def _steps(data: Dataset, geometry: Geometry) -> list[tuple[_Step, NDArray[np.int64]]]:
-    """The steps, the largest first, each with the rows in order of time."""
-    order = np.argsort(data.clock, kind="stable")
+def _steps(data: Dataset, geometry: Geometry, order: NDArray[np.int64]) -> list[_Step]:
+    """The steps, the largest first. `order`: the rows in order of time."""
     progress = np.empty(data.count)
     progress[order] = np.linspace(-1.0, 1.0, data.count)
     weight = np.repeat(geometry.follows.astype(np.float64), 3)
     span = span_of_all_else(data, geometry, progress)
-    found: list[tuple[_Step, NDArray[np.int64]]] = []
+    found: list[_Step] = []
     for _ in range(_MOST_STEPS):
         left = geometry.residual_m.ravel() * weight
         left = left - span @ (span.T @ left)
         step = _best(geometry, span, left, order)
         if step is None:
             return found
-        found.append((step, order))
+        found.append(step)
         taken = np.zeros((data.count, 3, 6))
         later = order[step.at :]
         taken[later] = _columns_of(geometry, step.kind)[later]
@@ -93,12 +91,12 @@ def _best(geometry: Geometry, span: Array, left: Array, order: NDArray[np.int64]
     found = [step for kind in kinds if (step := _of_kind(geometry, span, left, order, kind)) is not None]
     # The Bayesian information criterion compares the six coordinates of a base with the three of a tool.
     equations = 3 * int(geometry.follows.sum())
-    found.sort(
-        key=lambda one: equations * math.log(max(1e-9, 1.0 - one.explained))
-        + _size(one.kind) * math.log(equations)
-    )
-    far = [one for one in found if one.beyond_chance >= _FAR_MORE_THAN_CHANCE]
-    return far[0] if far else None
+
+    def criterion(one: _Step) -> float:
+        return equations * math.log(max(1e-9, 1.0 - one.explained)) + _size(one.kind) * math.log(equations)
+
+    found.sort(key=criterion)
+    return next((one for one in found if one.beyond_chance >= _FAR_MORE_THAN_CHANCE), None)
 
 
 def _size(kind: str) -> int:
@@ -146,11 +144,8 @@ def _of_kind(
         return None
     step = np.zeros((count, 3))
     step[places[best] :] = np.einsum("nia,a->ni", columns[places[best] :], solved[best] / scale[best])
-    stays = (
-        rest
-        - step
-        + (kept.reshape(3 * count, -1) @ (kept.reshape(3 * count, -1).T @ step.ravel())).reshape(-1, 3)
-    )
+    flat = kept.reshape(3 * count, -1)
+    stays = rest - step + (flat @ (flat.T @ step.ravel())).reshape(-1, 3)
     alike = max(0.0, float((stays[1:] * stays[:-1]).sum() / max(1e-30, (stays**2).sum())))
     beyond = gain / size / ((total - gain) / freedom) * (1.0 - alike) / (1.0 + alike)
     return _Step(kind, int(places[best]), gain / total, beyond)
@@ -213,7 +208,7 @@ def _joint_that_parts(data: Dataset, order: NDArray[np.int64], at: int) -> int |
     return None
 
 
-def _set_ups(data: Dataset, geometry: Geometry) -> Iterator[Finding]:
+def _set_ups(geometry: Geometry) -> Iterator[Finding]:
     """A note on the set-ups named in the file: a model without the effect station mixes their frames."""
     if len(geometry.bases) < 2:
         return

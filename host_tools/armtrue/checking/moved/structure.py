@@ -40,19 +40,16 @@ def _groups(data: Dataset, geometry: Geometry, progress: Array) -> list[list[Arr
     motors = [_by_joint(geometry, k) for k in range(geometry.chain.joint_count)]
     joints = np.column_stack([data.columns[name] for name in commanded_joints(data.columns)])
     link = geometry.chain.link_variables(joints)
-    warmths = [
-        values - values.mean()
-        for name, values in data.columns.items()
-        if name.startswith("temp_") and np.ptp(values) > 0.0
-    ]
-    directions = [
-        motor * data.columns[f"dir{k}"][:, None]
-        for k, motor in enumerate(motors, start=1)
-        if f"dir{k}" in data.columns
-    ]
+    temperatures = [values for name, values in data.columns.items() if name.startswith("temp_")]
+    warmths = [values - values.mean() for values in temperatures if np.ptp(values) > 0.0]
+    came_from = [data.columns.get(f"dir{k}") for k in range(1, len(motors) + 1)]
+    with_sides = zip(motors, came_from, strict=True)
+    directions = [motor * side[:, None] for motor, side in with_sides if side is not None]
     turning = [k for k in range(len(motors)) if not geometry.chain.prismatic[k]]
+    # Displacements of the points for joint errors sin(angle), cos(angle).
+    angles = [[(motors[k], order * link[:, k]) for k in turning] for order in _HARMONICS]
     waves = [
-        [column for k in turning for column in _wave(motors[k], order * link[:, k])] for order in _HARMONICS
+        [motor * wave(a)[:, None] for motor, a in group for wave in (np.sin, np.cos)] for group in angles
     ]
     return [
         [one * (progress**power)[:, None] for power in _POWERS_OF_TIME for one in base],
@@ -62,11 +59,6 @@ def _groups(data: Dataset, geometry: Geometry, progress: Array) -> list[list[Arr
         [one * warmth[:, None] for warmth in warmths for one in [*base, *motors]],
         *waves,
     ]
-
-
-def _wave(motor: Array, angle: Array) -> list[Array]:
-    """Displacements (N, 3) of the points for joint errors sin(angle), cos(angle); `motor`: that for an error of 1."""
-    return [motor * wave[:, None] for wave in (np.sin(angle), np.cos(angle))]
 
 
 def _by_joint(geometry: Geometry, k: int) -> Array:

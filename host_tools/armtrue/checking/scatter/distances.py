@@ -38,13 +38,11 @@ def find(data: Dataset) -> Iterator[Finding]:
     if len(targets) == 2:
         # Repeats scatter in three axes together; a distance lies along one axis and has the noise of both its ends.
         firmest = repeats_scatter_m(data) * math.sqrt(2.0 / 3.0)
-        (pair,) = scales
-        who, others = (
-            f"reflectors '{names[pair[0]]}' and '{names[pair[1]]}'",
-            "while repeated poses scatter by",
-        )
-        if scales[pair] > max(_TIMES * firmest, _LEAST_M):
-            yield _finding(f"between {who}", scales[pair], f"{others} {firmest * 1e6:.0f} µm", who)
+        ((pair, scale),) = scales.items()
+        who = f"reflectors '{names[pair[0]]}' and '{names[pair[1]]}'"
+        if scale > max(_TIMES * firmest, _LEAST_M):
+            of_repeats = f"while repeated poses scatter by {firmest * 1e6:.0f} µm"
+            yield _finding(f"between {who}", scale, of_repeats, who)
         return
     if not scales:
         return

@@ -33,9 +33,8 @@ def _fixed_reflectors(data: Dataset) -> Iterator[Finding]:
         name = data.labels["target"][code]
         times = data.clock[rows]
         shift, sigma = _common_shift(times, data.positions_m[rows], set_up[rows], float(np.ptp(times)))
-        drifts = shift > _DEVIATIONS * sigma
         evidence = {"target": name, "rows": int(rows.sum()), "shift_m": shift, "sigma_m": sigma}
-        if drifts:
+        if shift > _DEVIATIONS * sigma:
             yield Finding(
                 "base_drift",
                 "warning",
@@ -63,9 +62,8 @@ def _wandering_repeats(data: Dataset) -> Iterator[Finding]:
     if again.sum() < 6:
         return
     times = data.columns["time"].astype(np.float64)
-    shift, sigma = _common_shift(
-        times[again], data.positions_m[again], pose[again], session_s=float(np.ptp(times))
-    )
+    session_s = float(np.ptp(times))
+    shift, sigma = _common_shift(times[again], data.positions_m[again], pose[again], session_s)
     if shift <= _DEVIATIONS * sigma:
         return
     yield Finding(

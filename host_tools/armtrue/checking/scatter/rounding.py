@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armtrue.arrays import Array
+from armtrue.arrays import Array, rms_length
 from armtrue.checking.report import Finding
 from armtrue.io.dataset import Dataset
 from armtrue.io.robot import Robot
@@ -44,7 +44,7 @@ def find(data: Dataset, robot: Robot, geometry: Fit, noise_m: float) -> list[Fin
 
     `geometry`: a fit to rows of `data`. `noise_m`: scatter of repeats, all axes together; inf without repeats.
     """
-    left_m = _rms(geometry.residuals())
+    left_m = rms_length(geometry.residuals())
     least_m = max(_LEAST_M, _SHARE_OF_NOISE * min(noise_m, left_m))
     return [*_of_positions(data, least_m), *_of_joints(data, robot, geometry, left_m, least_m)]
 
@@ -72,7 +72,7 @@ def _of_joints(
     for k in robot.motors:
         is_angle = robot.joints[k - 1]["type"] == "revolute"
         step = _step(data.columns[f"q{k}"], _ANGLES if is_angle else _LENGTHS_M)
-        cost = _deviation(step) * _rms(geometry.coordinate_column(f"motor{k}"))
+        cost = _deviation(step) * rms_length(geometry.coordinate_column(f"motor{k}"))
         # The steps of a joint that was sent to rounded angles, as on a grid, are no errors.
         if 0.0 < _SHARE_LEFT * cost <= left_m:
             costs[k] = cost
@@ -105,10 +105,6 @@ def _step(values: Array, steps: Sequence[float]) -> float:
 def _deviation(step: float) -> float:
     """Standard deviation of the error of rounding to `step`."""
     return step / math.sqrt(12.0)
-
-
-def _rms(vectors: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
 
 
 def _words(step: float, is_angle: bool) -> str:

@@ -74,7 +74,8 @@ def binned(values: Array, readings: Array, weight: Array) -> Binned:
     # The band is of well-known readings: those of almost no weight would only widen it. Bins without any use all.
     known = weight >= 0.1 * np.median(weight)
     known |= ~np.isin(label, label[known])
-    lows, highs = _percentiles(readings[known], label[known], _BAND)
+    bands = [np.percentile(readings[known & (label == k)], _BAND) for k in range(rows.size)]
+    lows, highs = np.transpose(bands)
     enough = rows >= _LEAST_ROWS
     centre, means, error, lows, highs = (column[enough] for column in (centre, means, error, lows, highs))
     between = float(sums[enough] @ (means - grand) ** 2)
@@ -87,17 +88,3 @@ def binned(values: Array, readings: Array, weight: Array) -> Binned:
     trend = bool(bins > 1 and adjusted > accident)
     tells = trend or bool(bins > 1 and accident < _PLAIN_SHARE)
     return Binned(centre, means, error, lows, highs, float(adjusted), trend, tells)
-
-
-def _percentiles(readings: Array, label: NDArray[np.intp], percents: tuple[float, ...]) -> list[Array]:
-    """Percentiles of the readings of each label, linearly interpolated: for each of `percents` an array (labels,)."""
-    ordered = readings[np.lexsort((readings, label))]
-    counts = np.bincount(label)
-    first = np.cumsum(counts) - counts
-    result = []
-    for percent in percents:
-        place = percent / 100.0 * (counts - 1)
-        below = np.floor(place).astype(np.intp)
-        lower, upper = ordered[first + below], ordered[first + np.minimum(below + 1, counts - 1)]
-        result.append(lower + (place - below) * (upper - lower))
-    return result

@@ -94,11 +94,8 @@ def _peaks(entry: dict[str, Any], once: float | None, significant: float) -> lis
         at = int(np.argmax(left))
         inner = 0 < at < left.size - 1
         if inner and entry["explained"][at] >= max(entry["explained"][at - 1], entry["explained"][at + 1]):
-            amplitude = (
-                f"{1e6 * entry['amplitude_m'][at]:.1f} µm"
-                if slides
-                else f"{entry['amplitude_rad'][at] / ARCSECOND:.1f}″"
-            )
+            key, size, unit = ("amplitude_m", 1e-6, " µm") if slides else ("amplitude_rad", ARCSECOND, "″")
+            amplitude = f"{entry[key][at] / size:.1f}{unit}"
             called = name_of(float(cycles[at]), once, float(entry["resolution"]), slides)
             peaks.append(Peak(float(cycles[at]), float(left[at]), amplitude, called))
         own = max(_OWN_LINES * entry["resolution"], _OWN_SHARE * cycles[at])

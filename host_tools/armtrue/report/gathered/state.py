@@ -168,17 +168,10 @@ def directions(fit: Fit) -> list[Direction]:
     """
     count = fit.data.count
     everywhere = np.ones(count, dtype=np.bool_)
-    found = [
-        Direction(
-            axis,
-            f"error along {axis}",
-            "µm",
-            np.tile(along / _MICROMETRE, (count, 1)),
-            np.ones(count),
-            everywhere,
-        )
-        for axis, along in zip("xyz", np.eye(3), strict=True)
-    ]
+    found = []
+    for axis, along in zip("xyz", np.eye(3) / _MICROMETRE, strict=True):
+        each = np.tile(along, (count, 1))
+        found.append(Direction(axis, f"error along {axis}", "µm", each, np.ones(count), everywhere))
     tiny = tiny_levers(fit)
     for number, joint in enumerate(fit.robot.joints, start=1):
         if number not in tiny:

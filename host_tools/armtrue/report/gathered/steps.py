@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue.arrays import Array
+from armtrue.candidates import name
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
-from armtrue.report.names import gathered
 from armtrue.verdicts import FLOOR_SOURCES, scored
 
 
@@ -95,8 +95,10 @@ def steps_of(fits: list[tuple[Fit, str | None]], *, numbered: bool = True) -> li
     for fit, title in fits:
         before = effects_of(steps[-1].fit) if steps else []
         after = effects_of(fit)
-        added = gathered([effect for effect in after if effect not in before]) if steps else []
-        removed = gathered([effect for effect in before if effect not in after])
+        added = _names([effect for effect in after if effect not in before]) if steps else []
+        removed = _names([effect for effect in before if effect not in after])
+        used = np.ones(int(fit.document["data"]["rows"]), dtype=np.bool_)
+        used[[int(rejected["index"]) for rejected in fit.document["rejected"]]] = False
         steps.append(
             Step(
                 number=len(steps) + 1 if numbered else 0,
@@ -107,21 +109,28 @@ def steps_of(fits: list[tuple[Fit, str | None]], *, numbered: bool = True) -> li
                 removed=removed,
                 residual_m=fit.residuals(),
                 turned_rad=fit.turns(),
-                used=_used(fit),
+                used=used,
             )
         )
     return steps
 
 
+def _names(effects: list[tuple[str, tuple[int, ...]]]) -> list[str]:
+    """Names of effects with their joints; those of one effect on single joints are merged into one."""
+    single: dict[str, list[int]] = {}
+    for effect, joints in effects:
+        if len(joints) == 1:
+            single.setdefault(effect, []).append(joints[0])
+    names = []
+    for effect, joints in effects:
+        whole = sorted(single[effect]) if len(joints) == 1 else list(joints)
+        names.append(name({"effect": effect, "joints": whole}))
+    return list(dict.fromkeys(names))
+
+
 def _changes(added: list[str], removed: list[str]) -> str:
-    changes = [*(f"+ {name}" for name in added), *(f"− {name}" for name in removed)]
+    changes = [*(f"+ {effect}" for effect in added), *(f"− {effect}" for effect in removed)]
     return "; ".join(changes) or "the same effects, fitted again"
-
-
-def _used(fit: Fit) -> NDArray[np.bool_]:
-    used = np.ones(int(fit.document["data"]["rows"]), dtype=np.bool_)
-    used[[int(rejected["index"]) for rejected in fit.document["rejected"]]] = False
-    return used
 
 
 def effects_of(fit: Fit) -> list[tuple[str, tuple[int, ...]]]:

@@ -81,8 +81,12 @@ def _finding(step: Step, entry: dict[str, Any]) -> Finding:
     names = entry.get("variables", [])
     if not names:
         return Finding(entry)
-    direction = _read_along(step, entry["coordinate"])
-    along = f"{coordinate_words(entry['coordinate'])} [{direction.unit}]"
+    coordinate = entry["coordinate"]
+    motor = re.fullmatch(r"motor(\d+)", coordinate)
+    slides = motor and step.fit.robot.joints[int(motor[1]) - 1].get("type") == "prismatic"
+    turns = not slides if motor else ".r" in coordinate
+    direction = reading(step.fit, coordinate, coordinate_words(coordinate), turns)
+    along = f"{direction.what} [{direction.unit}]"
     if len(names) > 1:
         return _by_two(step, entry, direction, along)
     curve = entry.get("curve") or {"x": []}
@@ -90,12 +94,12 @@ def _finding(step: Step, entry: dict[str, Any]) -> Finding:
         return Finding(entry)
     what, unit, factor = axis_of(step.fit, names[0])
     x, y = np.array(curve["x"]) / factor, np.array(curve["y"]) / direction.size
-    return Finding(entry, _label(what, unit), along, x=x, y=y)
+    return Finding(entry, f"{what} [{unit}]" if unit else what, along, x=x, y=y)
 
 
 def _by_two(step: Step, entry: dict[str, Any], direction: Direction, along: str) -> Finding:
     first, second = (state_variable(step.fit, name) for name in entry["variables"][:2])
-    if _values(first) <= DISCRETE < _values(second):
+    if np.unique(first.values).size <= DISCRETE < np.unique(second.values).size:
         first, second = second, first
     used = step.used
     readings = direction.read(step.residual_m)
@@ -119,19 +123,3 @@ def _groups(variable: Variable) -> list[tuple[str, NDArray[np.bool_]]]:
     which = np.searchsorted(edges[1:-1], variable.values, side="right")
     ends = [tick_text(float(f"{edge:.3g}")) for edge in edges]
     return [(f"{ends[k]} to {ends[k + 1]}{unit}", which == k) for k in range(_THIRDS)]
-
-
-def _read_along(step: Step, coordinate: str) -> Direction:
-    motor = re.fullmatch(r"motor(\d+)", coordinate)
-    turns = (
-        step.fit.robot.joints[int(motor[1]) - 1].get("type") != "prismatic" if motor else ".r" in coordinate
-    )
-    return reading(step.fit, coordinate, coordinate_words(coordinate), turns)
-
-
-def _values(variable: Variable) -> int:
-    return int(np.unique(variable.values).size)
-
-
-def _label(what: str, unit: str) -> str:
-    return f"{what} [{unit}]" if unit else what

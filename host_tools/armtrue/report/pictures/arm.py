@@ -11,6 +11,7 @@ from armtrue.arrays import Array
 from armtrue.report.gathered.state import joint_unit
 from armtrue.report.gathered.steps import Step
 from armtrue.report.gathered.thinning import spread_rows
+from armtrue.report.pictures.effect_picture import corners, typical_pose
 from armtrue.tables.chain import chain_from_robot, pose
 
 _MOST_VECTORS = 1500
@@ -23,31 +24,15 @@ _SAME_PLACE_M = 1e-3
 
 def arm_corners(step: Step, row: int) -> Array:
     """Corners (M, 3) [m] of the nominal arm at a measured pose, from base to reflector, in the measuring frame."""
-    fit = step.fit
-    document = fit.document
-    chain = chain_from_robot(document["robot"])
-    measuring_from_base = pose(document["measuring_from_base"])
-    frames = chain.frames(fit.data.joints[row : row + 1])
-    corners = [np.zeros(3), *(frame[0, :3, 3] for frame in frames)]
-    corners.append((frames[-1][0] @ chain.end)[:3, 3])
-    placed = [measuring_from_base[:3, :3] @ corner + measuring_from_base[:3, 3] for corner in corners]
-    placed.append(fit.data.positions_m[row])
-    kept = [placed[0]]
-    for corner in placed[1:]:
+    document, data = step.fit.document, step.fit.data
+    base = pose(document["measuring_from_base"])
+    in_base = corners(chain_from_robot(document["robot"]), data.joints[row], {})
+    first, *others = [*(in_base @ base[:3, :3].T + base[:3, 3]), data.positions_m[row]]
+    kept = [first]
+    for corner in others:
         if np.linalg.norm(corner - kept[-1]) > _SAME_PLACE_M:
             kept.append(corner)
     return np.array(kept)
-
-
-def typical_pose(joints: Array) -> int:
-    """The row of joints (N, n) that is nearest to the median of all."""
-    spread = np.maximum(np.ptp(joints, axis=0), 1e-9)
-    return int(np.argmin(np.sum(((joints - np.median(joints, axis=0)) / spread) ** 2, axis=1)))
-
-
-def typical_row(step: Step) -> int:
-    """The measured pose whose joints are nearest to the median of all."""
-    return typical_pose(step.fit.data.joints)
 
 
 def scene_rows(step: Step) -> NDArray[np.intp]:
@@ -68,7 +53,7 @@ def scene(steps: list[Step], what: str = "error") -> dict[str, Any]:
     units = [joint_unit(joint) for joint in last.fit.robot.joints]
     joints = data.joints[rows] / np.array([factor for _, factor in units])
     return {
-        "arm": _integers(arm_corners(last, typical_row(last)), _MILLIMETRE),
+        "arm": _integers(arm_corners(last, typical_pose(data.joints)), _MILLIMETRE),
         "points": _integers(data.positions_m[rows], _MILLIMETRE),
         "vectors": [_integers(step.residual_m[rows], _TENTH_MICROMETRE) for step in shown],
         "what": what,

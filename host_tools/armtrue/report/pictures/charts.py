@@ -44,7 +44,7 @@ def state_panel(report: Report, view: View, dots: int = DOTS) -> Markup:
     )
     if np.unique(view.variable.values).size <= DISCRETE:
         panel.name_x_ticks([(float(v), tick_text(float(v))) for v in np.unique(view.variable.values)])
-    panel.band(after.centre, after.low, after.high, "spread")
+    panel.band(after.centre, after.low, after.high)
     panel.points(view.variable.values[rows], readings[rows], "dots")
     panel.level(0.0, "", "zero")
     if before is not None:
@@ -144,7 +144,7 @@ def curve_panel(
         size = min(float(np.max(np.abs(y) + 2.0 * sigma)), 2.0 * size)
     panel = Panel(around(x), symmetric(1.1 * size), x_label, y_label, description)
     if sigma is not None:
-        panel.band(x, y - 2.0 * sigma, y + 2.0 * sigma, "spread")
+        panel.band(x, y - 2.0 * sigma, y + 2.0 * sigma)
     panel.level(0.0, "", "zero")
     panel.line(x, y, "last")
     panel.points(x, y, "knots")
@@ -189,7 +189,7 @@ def histogram_panel(
     scale = around(ends, margin=0.02)
     counts, edges = np.histogram(values, bins=24, range=(scale.low, scale.high))
     panel = Panel(scale, Scale(0.0, 1.1 * float(counts.max())), label, "poses", description, height=150)
-    panel.bars(edges, counts.astype(np.float64), "bar")
+    panel.bars(edges, counts.astype(np.float64))
     for limit in limits or ():
         panel.upright(limit, "limit", "ratio")
     return panel.render()
@@ -199,13 +199,8 @@ def place_panel(x: Array, y: Array, names: tuple[str, str], description: str) ->
     """Where the reflector was, both axes to one scale."""
     rows = spread_rows(x.size, 2 * DOTS)
     half = 0.55 * max(float(np.ptp(x)), float(np.ptp(y)))
-    panel = Panel(
-        _about(x, half), _about(y, half), f"{names[0]} [m]", f"{names[1]} [m]", description, height=None
-    )
+    middles = [0.5 * (float(values.min()) + float(values.max())) for values in (x, y)]
+    across, up = (Scale(middle - half, middle + half) for middle in middles)
+    panel = Panel(across, up, f"{names[0]} [m]", f"{names[1]} [m]", description, height=None)
     panel.points(x[rows], y[rows], "dots strong-dots")
     return panel.render()
-
-
-def _about(values: Array, half: float) -> Scale:
-    middle = 0.5 * (float(values.min()) + float(values.max()))
-    return Scale(middle - half, middle + half)

@@ -17,7 +17,6 @@ from armtrue.io.rotation import matrix_about
 from armtrue.report.gathered.state import Variable, variables
 from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import fixed
-from armtrue.report.pictures.arm import typical_pose
 from armtrue.tables.chain import Chain, chain_from_robot
 from armtrue.units import plural
 
@@ -49,6 +48,12 @@ class Sweep:
     values: Array
     moves: dict[str, Array]
     document: dict[str, Any]
+
+
+def typical_pose(joints: Array) -> int:
+    """The row of joints (N, n) that is nearest to the median of all."""
+    spread = np.maximum(np.ptp(joints, axis=0), 1e-9)
+    return int(np.argmin(np.sum(((joints - np.median(joints, axis=0)) / spread) ** 2, axis=1)))
 
 
 def effect_picture(fit: Fit, candidate: dict[str, Any], sweep: Sweep) -> tuple[Markup, str]:
@@ -98,10 +103,8 @@ def effect_sweep(fit: Fit, candidate: dict[str, Any]) -> Sweep | None:
         course = max((float(np.ptp(v)) for v in moves.values()), default=0.0)
         if course > (1.0 + 1e-6) * largest:
             # In the display unit, which is a linear function of the column.
-            column = fit.data.columns[columns[0]]
-            shown = np.interp(
-                values, [column.min(), column.max()], [variable.values.min(), variable.values.max()]
-            )
+            si, drawn = fit.data.columns[columns[0]], variable.values
+            shown = np.interp(values, [si.min(), si.max()], [drawn.min(), drawn.max()])
             best, largest = Sweep(variable, np.asarray(shown), moves, document), course
     if best is not None and largest <= 0.0:
         # No variable changes it: the picture shows the effect growing from zero and back.
@@ -155,15 +158,12 @@ def _drivers(fit: Fit, joints: list[int]) -> list[tuple[Variable, list[str]]]:
     columns = fit.data.columns
     found = {variable.name: variable for variable in variables(fit)}
     numbers = [*reversed(joints), *(k for k in range(1, len(fit.robot.joints) + 1) if k not in joints)]
-    names = (
-        [f"dir{k}" for k in joints] + [f"q{k}" for k in numbers] + [n for n in found if n.startswith("temp_")]
-    )
-    names += ["payload", "time", *(n for n in columns if n in found and n not in ("x", "y", "z"))]
-    return [
-        (found[name], [name, *([f"qr{name[1:]}"] if f"qr{name[1:]}" in columns and name[0] == "q" else [])])
-        for name in dict.fromkeys(names)
-        if name in found and name in columns
-    ]
+    names = [*(f"dir{k}" for k in joints), *(f"q{k}" for k in numbers)]
+    names += [*(n for n in found if n.startswith("temp_")), "payload", "time"]
+    names += [n for n in columns if n not in ("x", "y", "z")]
+    known = [name for name in dict.fromkeys(names) if name in found and name in columns]
+    read_back = {name: [f"qr{name[1:]}"] for name in known if name[0] == "q" and f"qr{name[1:]}" in columns}
+    return [(found[name], [name, *read_back.get(name, [])]) for name in known]
 
 
 def _moves(document: dict[str, Any], candidate: dict[str, Any]) -> dict[str, Array]:
@@ -290,10 +290,8 @@ def _cover_each_other(one: tuple[str, float, float], other: tuple[str, float, fl
 
 
 def _animated(attribute: str, values: list[str]) -> Markup:
-    frames = ";".join(values)
-    return tag(
-        "animate", attributeName=attribute, values=frames, dur=f"{_SECONDS}s", repeatCount="indefinite"
-    )
+    how = {"values": ";".join(values), "dur": f"{_SECONDS}s", "repeatCount": "indefinite"}
+    return tag("animate", attributeName=attribute, **how)
 
 
 def path(places: Array) -> str:

@@ -29,7 +29,10 @@ class Panel:
         self, x: Scale, y: Scale, x_label: str, y_label: str, description: str, *, height: int | None = 210
     ) -> None:
         self._x, self._y = x, y
-        self._labels = (_axis_name(x, x_label), _axis_name(y, y_label))
+        self._labels = [
+            f"{label}, logarithmic" if scale.logarithmic else label
+            for scale, label in ((x, x_label), (y, y_label))
+        ]
         self._description = description
         self._y_ticks = [(value, tick_text(value)) for value in y.ticks(max(4, (height or WIDTH) // 50))]
         longest = max((len(text) for _, text in self._y_ticks), default=0)
@@ -63,11 +66,11 @@ class Panel:
         if np.size(x):
             self._drawn.append(tag("path", class_=kind, d=self._path(x, y)))
 
-    def band(self, x: Array, low: Array, high: Array, kind: str) -> None:
+    def band(self, x: Array, low: Array, high: Array) -> None:
         """The area between two lines."""
         if np.size(x):
             both = self._path(np.concatenate([x, x[::-1]]), np.concatenate([high, low[::-1]]))
-            self._drawn.append(tag("path", class_=kind, d=both + "z"))
+            self._drawn.append(tag("path", class_="spread", d=both + "z"))
 
     def whiskers(self, x: Array, low: Array, high: Array, kind: str) -> None:
         """Vertical strokes."""
@@ -79,7 +82,7 @@ class Panel:
         )
         self._drawn.append(tag("path", class_=kind, d=path))
 
-    def bars(self, edges: Array, heights: Array, kind: str) -> None:
+    def bars(self, edges: Array, heights: Array) -> None:
         """A histogram: bar k stands between edges k and k + 1."""
         floor = float(self._tenths(np.zeros(1) + self._x.low, np.zeros(1))[1][0])
         columns, tops = self._tenths(edges[:-1], heights)
@@ -89,7 +92,7 @@ class Panel:
             for a, b, t in zip(columns.tolist(), ends.tolist(), tops.tolist(), strict=True)
             if t < floor
         )
-        self._drawn.append(tag("path", class_=kind, d=path))
+        self._drawn.append(tag("path", class_="bar", d=path))
 
     def upright(self, x: float, label: str, kind: str = "mark") -> None:
         """A vertical mark with a label at its top."""
@@ -140,15 +143,9 @@ class Panel:
         """The chart as an SVG element."""
         self._write_notes()
         plot = tag(
-            "svg",
-            self._drawn,
-            self._labels_drawn,
-            x=self._left,
-            y=_TOP,
-            width=self._w,
-            height=self._h,
+            "svg", self._drawn, self._labels_drawn, x=self._left, y=_TOP, width=self._w, height=self._h,
             viewBox=f"0 0 {self._w} {self._h}",
-        )
+        )  # fmt: skip
         title = tag("title", self._description)
         return tag(
             "svg", title, self._axes(), plot,
@@ -164,9 +161,8 @@ class Panel:
             return {"ends": ends, "logarithmic": scale.logarithmic, "name": name}
 
         x, y = axis(self._x, self._labels[0]), axis(self._y, self._labels[1])
-        return json.dumps(
-            {"box": [self._left, _TOP, self._w, self._h], "x": x, "y": y}, separators=(",", ":")
-        )
+        box = [self._left, _TOP, self._w, self._h]
+        return json.dumps({"box": box, "x": x, "y": y}, separators=(",", ":"))
 
     def _axes(self) -> Markup:
         bottom, pieces = _TOP + self._h, []
@@ -181,14 +177,10 @@ class Panel:
             at_edge = at + _LABEL_CHARACTER * len(text) / 2 > WIDTH
             pieces.append(_words(text, WIDTH if at_edge else at, bottom + 14, "end" if at_edge else "middle"))
         pieces.append(tag("path", class_="axis", d=f"M{self._left} {_TOP}V{bottom}h{self._w}"))
-        pieces.append(
-            _words(self._labels[0], self._left + self._w / 2, self._height - 5, "middle", "axis-name")
-        )
-        middle = _TOP + self._h / 2
-        pieces.append(
-            tag("text", self._labels[1], class_="axis-name", text_anchor="middle",
-                transform=f"translate(13 {middle:.1f}) rotate(-90)")
-        )  # fmt: skip
+        x_name, y_name = self._labels
+        pieces.append(_words(x_name, self._left + self._w / 2, self._height - 5, "middle", "axis-name"))
+        upwards = f"translate(13 {_TOP + self._h / 2:.1f}) rotate(-90)"
+        pieces.append(tag("text", y_name, class_="axis-name", text_anchor="middle", transform=upwards))
         return join(pieces)
 
     def _label(self, x: float, y: float, text: str, anchor: str, kind: str = "label") -> None:
@@ -204,10 +196,6 @@ class Panel:
         columns, rows = self._tenths(x, y)
         places = [f"{_tenth(a)} {_tenth(b)}" for a, b in zip(columns.tolist(), rows.tolist(), strict=True)]
         return "M" + "L".join(places)
-
-
-def _axis_name(scale: Scale, label: str) -> str:
-    return f"{label}, logarithmic" if scale.logarithmic else label
 
 
 def _words(text: str, x: float, y: float, anchor: str, kind: str = "ticks") -> Markup:

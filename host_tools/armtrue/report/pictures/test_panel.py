@@ -116,7 +116,7 @@ def test_notes_stay_inside_the_chart(x):
 
 def test_bars_stand_on_the_axis():
     panel = Panel(Scale(0.0, 3.0), Scale(0.0, 4.0), "x", "n", "bars")
-    panel.bars(np.arange(4.0), np.array([4.0, 0.0, 2.0]), "bar")
+    panel.bars(np.arange(4.0), np.array([4.0, 0.0, 2.0]))
     plot = plot_of(panel)
     height = float(plot.get("height"))
     path = plot.find("path").get("d")

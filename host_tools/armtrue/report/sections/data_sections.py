@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import datetime
 import hashlib
-from typing import Any
 
 import numpy as np
 
 from armtrue import __version__
 from armtrue.report.content import Report
 from armtrue.report.gathered.state import joint_unit
-from armtrue.report.markup import Content, Markup, join, tag
+from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import ARCSECOND, figure, grid, lead, micrometres, minus, section, table
 from armtrue.report.pictures import charts
 from armtrue.tables.chain import pose
@@ -28,7 +27,15 @@ def rejected_section(report: Report) -> Markup:
     """Rows that were kept out of the fit as gross errors."""
     fit = report.last.fit
     rejected = sorted(fit.document["rejected"], key=lambda entry: -float(entry["residual_um"]))
-    unread = join(_unread(fit.document["data"].get("skipped", [])), _left_out(fit.data.left_out))
+    unread: list[Content] = []
+    if skipped := [[str(entry["row"]), entry["why"]] for entry in fit.document["data"].get("skipped", [])]:
+        caption = f"{plural(len(skipped), 'row')} left out because unreadable"
+        unread.append(table(["row", "why"], skipped, caption, words=(1,)))
+    if left_out := fit.data.left_out:
+        rows_of_person = (
+            f"{plural(len(left_out), 'row')} left out by a person: {', '.join(map(str, left_out))}."
+        )
+        unread.append(tag("p", rows_of_person))
     if not rejected:
         none = tag("p", f"None: all {fit.data.count} measurements that were read took part.")
         return section("rejected", "Rejected rows", none, unread)
@@ -50,21 +57,6 @@ def rejected_section(report: Report) -> Markup:
         tag("p", f"and {more} more") if more > 0 else None,
         unread,
     )
-
-
-def _left_out(rows: list[int]) -> Markup | None:
-    """Rows that a person marked as wrong."""
-    if not rows:
-        return None
-    return tag("p", f"{plural(len(rows), 'row')} left out by a person: {', '.join(map(str, rows))}.")
-
-
-def _unread(skipped: list[dict[str, Any]]) -> Markup | None:
-    """Rows that could not be read, and why."""
-    if not skipped:
-        return None
-    rows: list[list[Content]] = [[str(entry["row"]), entry["why"]] for entry in skipped]
-    return table(["row", "why"], rows, f"{plural(len(rows), 'row')} left out because unreadable", words=(1,))
 
 
 def coverage_section(report: Report) -> Markup:
@@ -90,21 +82,15 @@ def coverage_section(report: Report) -> Markup:
         spoken = f"{variable.what}: {words}"
         panel = charts.histogram_panel(variable.values, None, variable.label, spoken)
         panels.append(figure(variable.what.capitalize(), panel, words))
-    return section(
-        "coverage",
-        "Where the arm was measured",
-        lead(_COVERAGE),
-        grid(*panels, *_places(report)),
-        _approach(report),
-    )
+    panels += _places(report)
+    return section("coverage", "Where the arm was measured", lead(_COVERAGE), grid(panels), _approach(report))
 
 
 def made_words(report: Report) -> Content:
     """When this was made, by which version, and from which file with its checksum."""
-    now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
-    checksum = _checksum(report)
+    now, checksum = datetime.datetime.now(datetime.UTC), _checksum(report)
     return [
-        f"{now} · Armtrue {__version__} · {report.last.fit.data.file.name} · SHA-256 ",
+        f"{now:%Y-%m-%d %H:%M UTC} · Armtrue {__version__} · {report.last.fit.data.file.name} · SHA-256 ",
         tag("code", f"{checksum[:16]}…", title=checksum),
     ]
 
@@ -122,41 +108,31 @@ def about_section(report: Report) -> Markup:
     stated_words = f", {micrometres(stated)} µm stated" if stated is not None else ""
     turn = noise["sigma_rotation_rad"]
     turn_words = f"; orientation {turn / ARCSECOND:.1f}″ about each axis" if turn is not None else ""
+    rows_words = (
+        f"{data['rows']}, {len(document['rejected'])} rejected, {len(data.get('skipped', []))} unreadable, "
+        f"{_repeats(report)}"
+    )
+    glossary = tag("a", "glossary", href="#glossary")
     rows: list[list[Content]] = [
         ["Armtrue", __version__],
         ["robot", report.last.fit.robot.spec.get("name", "")],
         ["measurements", data["path"]],
         [f"SHA-256 of {report.last.fit.data.file.name}", tag("code", _checksum(report))],
         ["SHA-256 of what was read of it", tag("code", data["sha256"])],
-        [
-            "rows",
-            f"{data['rows']}, {len(document['rejected'])} rejected, {len(data.get('skipped', []))} unreadable, "
-            f"{_repeats(report)}",
-        ],
+        ["rows", rows_words],
         ["columns", ", ".join(data["columns"])],
         ["noise per axis", f"{micrometres(noise['sigma_um'])} µm observed{stated_words}{turn_words}"],
         ["cross-validation", f"{document['error']['folds']} folds, seed {document['error']['seed']}"],
         *([["solver", message]] if (message := document["solver"]["message"]) else []),
-        [
-            "words of this page",
-            [
-                tag("a", "glossary", href="#glossary"),
-                "; ",
-                tag("code", "armtrue explain TERM"),
-                " for any other",
-            ],
-        ],
+        ["words of this page", [glossary, "; ", tag("code", "armtrue explain TERM"), " for any other"]],
     ]
     for step in report.steps:
         if step.fit.path:
             rows.append([f"fit of {step.called}", str(step.fit.path.resolve())])
     if unsaved := [f"step {step.number}" for step in report.steps if not step.fit.path]:
         rows.append(["fits that were not saved", ", ".join(unsaved)])
-    return section(
-        "about",
-        "What this was made from",
-        table(["what", "which"], rows, "Files and settings", words=(0, 1)),
-    )
+    settings = table(["what", "which"], rows, "Files and settings", words=(0, 1))
+    return section("about", "What this was made from", settings)
 
 
 def _places(report: Report) -> list[Content]:
@@ -165,10 +141,8 @@ def _places(report: Report) -> list[Content]:
     in_base = (fit.data.positions_m - measuring_from_base[:3, 3]) @ measuring_from_base[:3, :3]
     x, y, z = in_base.T
     above = charts.place_panel(x, y, ("x", "y"), "Places of the reflector seen from above, in the base")
-    radius = np.hypot(x, y)
-    side = charts.place_panel(
-        radius, z, ("distance from axis 1", "z"), "Reach and height of the reflector, in the base"
-    )
+    names = ("distance from axis 1", "z")
+    side = charts.place_panel(np.hypot(x, y), z, names, "Reach and height of the reflector, in the base")
     return [figure("From above, in the base", above), figure("Reach and height, in the base", side)]
 
 

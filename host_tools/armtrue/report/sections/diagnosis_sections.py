@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from armtrue.candidates import parameter_lines
+from armtrue.candidates import entry_of, parameter_lines
+from armtrue.candidates import name as called
 from armtrue.report.content import Report, StepDiagnosis
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.names import bracketed, called
 from armtrue.report.parts import (
     figure,
     fixed,
@@ -57,14 +57,12 @@ _PARAMETERS_SHOWN = 6
 
 def candidates_section(report: Report) -> Markup:
     """Candidates of every step, with evidence and ambiguity; fewer of intermediate steps. Advice of the last step."""
-    first, last = report.diagnoses[0], report.diagnoses[-1]
+    *before, last = report.diagnoses
     parts: list[Content] = []
-    if len(report.diagnoses) > 1:
+    if before:
+        first, *inner = before
         parts += [_after(first), *_one(first)]
-        between = [
-            tag("div", _after(diagnosis), _one(diagnosis, between=True))
-            for diagnosis in report.diagnoses[1:-1]
-        ]
+        between = [tag("div", _after(diagnosis), _one(diagnosis, between=True)) for diagnosis in inner]
         parts += [tag("div", between, class_="steps-between"), _after(last)]
     parts += [*_one(last), *_advice(last.result)]
     return section("candidates", "What is missing", lead(_CANDIDATES), parts)
@@ -82,21 +80,17 @@ def added_variable_section(report: Report) -> Markup | None:
     for diagnosis in report.diagnoses:
         after = f", after step {diagnosis.step.number}" if many else ""
         for plot in diagnosis.added_variables:
-            mark = _star() if plot.candidate["recommend"] else None
+            mark = [_star(), " · "] if plot.candidate["recommend"] else None
             panel = charts.added_variable_panel(plot)
-            figures.append(
-                figure(plot.name + after, panel, mark, " · " if mark else None, charts.added_words(plot))
-            )
+            figures.append(figure(plot.name + after, panel, mark, charts.added_words(plot)))
         if diagnosis.not_drawn:
             names = f"{'; '.join(diagnosis.not_drawn)}{after}."
             not_drawn.append(tag("p", _NOT_DRAWN, names, class_="lead"))
     if not figures and not not_drawn:
         return None
     plots = [plot for diagnosis in report.diagnoses for plot in diagnosis.added_variables]
-    turned = _TURNED if any(plot.turned.any() for plot in plots) else None
-    return section(
-        "added", "What the leading candidates would do", lead(_ADDED, turned), grid(figures), not_drawn
-    )
+    words = lead(_ADDED, _TURNED if any(plot.turned.any() for plot in plots) else None)
+    return section("added", "What the leading candidates would do", words, grid(figures), not_drawn)
 
 
 def _star() -> Markup:
@@ -115,11 +109,7 @@ def _one(diagnosis: StepDiagnosis, between: bool = False) -> list[Content]:
             heading = "The strongest of what was tried, none of them significant"
             parts.append(folded(heading, _table(shown, "Candidates")))
     else:
-        parts += [
-            _ambiguity(candidates),
-            _table(shown, "Leading candidates"),
-            _reasons(shown[:with_reasons]),
-        ]
+        parts += [_ambiguity(candidates), _table(shown, "Leading candidates"), _reasons(shown[:with_reasons])]
     if rest and not between:
         names = "; ".join(map(called, rest))
         parts.append(tag("p", f"Tried as well, with less evidence: {names}.", class_="lead"))
@@ -144,7 +134,7 @@ def _ambiguity(candidates: list[dict[str, Any]]) -> Markup | None:
         return None
     others = [called(other) for other in of_other_sensors(best, candidates)]
     warmed = f" {OTHER_SENSOR_ADVICE}" if others else ""
-    others += [bracketed(label) for label in best["confounded_with"]]
+    others += [called(entry_of(label)) for label in best["confounded_with"]]
     if not others:
         return tag("p", "Nothing else explains nearly as much as ", tag("strong", called(best)), ".")
     return tag(
@@ -162,21 +152,15 @@ def _table(shown: list[dict[str, Any]], caption: str) -> Markup:
     for candidate in shown:
         share = 100.0 * candidate["explained"]
         bar = tag("span", class_="bar", style=f"width:{min(100.0, max(0.0, share)):.1f}%")
-        rows.append(
-            [
-                [called(candidate), [" ", _star()] if candidate["recommend"] else None],
-                chance(candidate["probability"]),
-                tag(
-                    "span",
-                    tag("span", bar, class_="bar-track"),
-                    tag("span", f"{share:.1f} %"),
-                    class_="share",
-                ),
-                fixed(candidate["delta_bic"], 0),
-                "≈ " + micrometres(candidate["held_out_mean_um_if_added"]),
-                f"{100.0 * candidate['separability']:.1f} %",
-            ]
-        )
+        track = tag("span", bar, class_="bar-track")
+        rows.append([
+            [called(candidate), [" ", _star()] if candidate["recommend"] else None],
+            chance(candidate["probability"]),
+            tag("span", track, tag("span", f"{share:.1f} %"), class_="share"),
+            fixed(candidate["delta_bic"], 0),
+            "≈ " + micrometres(candidate["held_out_mean_um_if_added"]),
+            f"{100.0 * candidate['separability']:.1f} %",
+        ])  # fmt: skip
     note = " (≈: predicted by the linearised model)"
     return table(headers, rows, caption + note, stacked=True)
 

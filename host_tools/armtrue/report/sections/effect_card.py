@@ -6,12 +6,12 @@ from itertools import pairwise
 from typing import Any
 
 from armtrue import sketching
+from armtrue.candidates import name as called
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import EffectInfo, catalogue
-from armtrue.report.content import Report, StepDiagnosis
+from armtrue.report.content import Report
 from armtrue.report.gathered.steps import effects_of
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.names import called
 from armtrue.report.parts import lead, section, typeset
 from armtrue.report.pictures.effect_picture import Sweep, effect_picture, effect_sweep
 from armtrue.verdicts import why_words
@@ -40,14 +40,14 @@ def _chosen(report: Report) -> list[tuple[Fit, Candidate]]:
     for before, after in pairwise(report.steps):
         new = [effect for effect in effects_of(after.fit) if effect not in effects_of(before.fit)]
         tried = diagnosed.get(id(before))
-        found += [(before.fit, candidate) for candidate in _among(tried, new)]
+        candidates = tried.result["candidates"] if tried else []
+        found += [(before.fit, candidate) for candidate in _among(candidates, new)]
     last = report.diagnoses[-1]
     open_still = [candidate for candidate in last.result["candidates"] if candidate["recommend"]]
     return found + [(last.step.fit, candidate) for candidate in open_still[:1]]
 
 
-def _among(tried: StepDiagnosis | None, new: list[tuple[str, tuple[int, ...]]]) -> list[Candidate]:
-    candidates = tried.result["candidates"] if tried else []
+def _among(candidates: list[Candidate], new: list[tuple[str, tuple[int, ...]]]) -> list[Candidate]:
     chosen: list[Candidate] = []
     for effect in dict.fromkeys(effect for effect, _ in new):
         on = {joint for other, joints in new if other == effect for joint in joints}

@@ -21,11 +21,7 @@ _MEASURES = (
     ("max_um", "max", "M2.5 3h11v10h-11z"),
 )
 _NAMES = [called for _, called, _ in _MEASURES]
-_WAYS = {
-    "random": "poses drawn at random",
-    "time": "stretches of time",
-    "region": "regions of the workspace",
-}
+_WAYS = {"random": "poses drawn at random", "time": "stretches of time", "region": "regions of the workspace"}
 _READING = (
     "Distance between measured and predicted positions. Filled marks are held-out poses, which the fit never saw; "
     "hollow marks are training poses. The bar is the fall of the held-out mean. "
@@ -58,30 +54,23 @@ def error_section(report: Report) -> Markup:
         for value in scale.ticks()
         if scale.share(value) < _LAST_TICK
     ]
-    axis = tag(
-        "div",
-        ticks,
-        tag("span", "µm, logarithmic", class_="unit"),
-        class_="waterfall-axis",
-        aria_hidden="true",
-    )
+    unit = tag("span", "µm, logarithmic", class_="unit")
+    axis = tag("div", ticks, unit, class_="waterfall-axis", aria_hidden="true")
     source = floor_source(report.last)
     moves = f" {FLOOR_MOVES}" if report.last.fit.document["noise_floor"]["source"] == "repeats" else ""
-    floor_words = (
-        f"The dashed line is the noise floor of each step, of the last {micrometres(floor)} µm ({source}): what "
-        f"measuring and repeatability alone leave.{moves}"
-        if floor is not None
-        else "The noise floor is not known: nothing was measured twice and no uncertainty is stated."
-    )
+    floor_words = "The noise floor is not known: nothing was measured twice and no uncertainty is stated."
+    if floor is not None:
+        floor_words = (
+            f"The dashed line is the noise floor of each step, of the last {micrometres(floor)} µm ({source}): what "
+            f"measuring and repeatability alone leave.{moves}"
+        )
+    means = [bar.held_out["mean_um"] for bar in bars]
+    rises = any(after > before for before, after in pairwise(means) if None not in (before, after))
+    fitted = None if all(step.given for step in report.steps) else _FITTED_HERE
     return section(
         "error",
         "How the error fell",
-        lead(
-            _READING,
-            _RISE if _rises(bars) else None,
-            floor_words,
-            None if all(step.given for step in report.steps) else _FITTED_HERE,
-        ),
+        lead(_READING, _RISE if rises else None, floor_words, fitted),
         _legend(),
         tag("div", rows, axis, class_="waterfall"),
         _table(bars, floor),
@@ -97,15 +86,9 @@ def _bars(report: Report) -> list[_Bar]:
         about: Content = step.title if step.given else "fitted for this report"
         if step is report.first:
             about = ", ".join(dict.fromkeys(p["effect"] for p in step.fit.document["parameters"]))
-        bars.append(
-            _Bar(step.called, about, step.error["train"], step.error["held_out"], step.noise_floor_um)
-        )
+        error = step.error
+        bars.append(_Bar(step.called, about, error["train"], error["held_out"], step.noise_floor_um))
     return bars
-
-
-def _rises(bars: list[_Bar]) -> bool:
-    means = [bar.held_out["mean_um"] for bar in bars]
-    return any(after > before for before, after in pairwise(means) if None not in (before, after))
 
 
 def _scale(bars: list[_Bar]) -> Scale:
@@ -122,7 +105,9 @@ def _row(bar: _Bar, before: _Bar | None, scale: Scale) -> Markup:
         track.append(tag("i", class_="floor", style=_left(scale, bar.floor)))
     start, end = before.held_out["mean_um"] if before else None, bar.held_out["mean_um"]
     if start is not None and end is not None:
-        track.append(_fall(scale, start, end))
+        left, right = sorted(float(scale.share(max(value, scale.low))) for value in (start, end))
+        place = f"left:{100 * left:.2f}%;width:{100 * (right - left):.2f}%"
+        track.append(tag("i", class_="fall" if end <= start else "fall rise", style=place))
     for key, _, outline in _MEASURES:
         if bar.train is not None:
             track.append(_mark(outline, "train", scale, bar.train[key]))
@@ -131,13 +116,6 @@ def _row(bar: _Bar, before: _Bar | None, scale: Scale) -> Markup:
     figures = tag("span", scored_um(bar.held_out["mean_um"]), class_="figure")
     name = tag("div", tag("strong", bar.title), figures, tag("small", bar.about), class_="step")
     return tag("div", name, tag("div", track, class_="track", aria_hidden="true"), class_="row")
-
-
-def _fall(scale: Scale, before_um: float, after_um: float) -> Markup:
-    shares = [float(scale.share(max(value, scale.low))) for value in (before_um, after_um)]
-    left, right = sorted(shares)
-    place = f"left:{100 * left:.2f}%;width:{100 * (right - left):.2f}%"
-    return tag("i", class_="fall" if after_um <= before_um else "fall rise", style=place)
 
 
 def _mark(outline: str, kind: str, scale: Scale, value: float) -> Markup:
@@ -175,9 +153,8 @@ def _turns(report: Report) -> Markup | None:
     for step in report.steps:
         error = step.fit.orientation_error()
         if error is not None:
-            rows.append(
-                [step.called, *(f"{error[key] / ARCSECOND:.1f}" for key in ("mean", "rms", "p95", "max"))]
-            )
+            figures = [f"{error[key] / ARCSECOND:.1f}" for key in ("mean", "rms", "p95", "max")]
+            rows.append([step.called, *figures])
     if not rows:
         return None
     caption = "Error of orientation at each step, training poses [″]: angle between measured and predicted"

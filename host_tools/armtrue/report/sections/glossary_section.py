@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import re
 
-from armtrue.glossary import Entry, glossary
+from armtrue.glossary import glossary
 from armtrue.report.markup import Markup, tag
 from armtrue.report.parts import folded, section
 
@@ -15,13 +15,11 @@ _ELEMENT = re.compile(r"<(script|style)\b.*?</\1>|<[^>]*>", re.DOTALL)
 def glossary_section(shown: Markup) -> Markup:
     """The entries of docs/glossary.md that `shown`, the other sections, uses."""
     words = html.unescape(_ELEMENT.sub(" ", shown)).lower()
-    used = [entry for entry in glossary().values() if _is_used(entry, words)]
-    entries = [tag("li", tag("b", entry.name), f": {entry.text}") for entry in used]
+    entries = [
+        tag("li", tag("b", entry.name), f": {entry.text}")
+        for entry in glossary().values()
+        if any(re.search(rf"\b{re.escape(name.lower())}s?\b", words) for name in entry.names)
+    ]
     return section(
         "glossary", "Glossary", folded("What the words of this page mean", tag("ul", entries, class_="terms"))
     )
-
-
-def _is_used(entry: Entry, words: str) -> bool:
-    names = [entry.name, *entry.also.split(", ")]
-    return any(re.search(rf"\b{re.escape(name.lower())}s?\b", words) for name in names if name)

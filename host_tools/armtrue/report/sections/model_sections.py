@@ -66,18 +66,12 @@ def parameters_section(report: Report) -> Markup:
         listing = _parameter_table(parameters, effect, document["robot"])
         heading = f"{effect}: {plural(len(parameters), 'parameter')}"
         listings.append(folded(heading, listing) if len(parameters) > _LONG else listing)
-    if document["nonlinear"]:
-        listings.append(
-            _parameter_table(
-                document["nonlinear"], "Searched for: periods, time constants", document["robot"]
-            )
-        )
+    if found := document["nonlinear"]:
+        listings.append(_parameter_table(found, "Searched for: periods, time constants", document["robot"]))
     parts: list[Content] = [_poses(document), tag("div", listings, class_="listings")]
-    curves = [_curve(report.last.fit, entries) for entries in tables.values() if _axes(entries) == 1]
-    if curves:
+    if curves := [_curve(report.last.fit, entries) for entries in tables.values() if _axes(entries) == 1]:
         parts += [tag("h3", "Tables"), grid(curves)]
-    grids = [entries for entries in tables.values() if _axes(entries) > 1]
-    if grids:
+    if grids := [entries for entries in tables.values() if _axes(entries) > 1]:
         parts.append(_grids(grids))
     held_words = f" {held} more are held at nominal, see below." if held else ""
     return section("parameters", "The model that was fitted", lead(_PARAMETERS, held_words), parts)
@@ -127,16 +121,11 @@ def _parameter_table(parameters: list[dict[str, Any]], caption: str, robot: dict
             for entry in parameter.get("correlations", [])
             if abs(entry["r"]) >= _TIED
         ]
-        rows.append(
-            [
-                tag("code", rounded(parameter["name"])), minus(value), sigma, unit,
-                *([of_robot] if any(nominal) else []), known, ", ".join(tied),
-            ]
-        )  # fmt: skip
-    headers = [
-        "parameter", "value", "± sigma", "unit", *(["nominal"] if any(nominal) else []), "value / sigma",
-        "tied to (correlation)",
-    ]  # fmt: skip
+        named = tag("code", rounded(parameter["name"]))
+        beside = [of_robot] if any(nominal) else []
+        rows.append([named, minus(value), sigma, unit, *beside, known, ", ".join(tied)])
+    beside = ["nominal"] if any(nominal) else []
+    headers = ["parameter", "value", "± sigma", "unit", *beside, "value / sigma", "tied to (correlation)"]
     return table(headers, rows, caption, words=(0, 3, len(headers) - 1))
 
 

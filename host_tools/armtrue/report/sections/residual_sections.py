@@ -62,25 +62,15 @@ def vectors_section(report: Report) -> Markup:
     scene = arm.scene(report.steps)
     drawn, total = len(scene["rows"]), scene["total"]
     some = f"{drawn} of {total} poses are drawn, the worst among them. "
+    words = lead(
+        _VECTORS, "Every pose is drawn. " if drawn == total else some, tag("span", _TURNING, class_="screen")
+    )
     names = [(str(k), title) for k, title in enumerate(scene["names"])]
     chooser = _chooser("vectors-step", "error of", names, len(names) - 1) if len(names) > 1 else None
     buttons = [tag("button", text, type="button", data_do=do, title=title) for do, text, title in _BUTTONS]
-    return section(
-        "vectors",
-        "Where the error points",
-        lead(
-            _VECTORS,
-            "Every pose is drawn. " if drawn == total else some,
-            tag("span", _TURNING, class_="screen"),
-        ),
-        tag(
-            "div",
-            chooser,
-            tag("div", buttons, class_="buttons", role="group", aria_label="view"),
-            class_="controls only-script",
-        ),
-        viewer(scene, _SPOKEN),
-    )
+    view = tag("div", buttons, class_="buttons", role="group", aria_label="view")
+    controls = tag("div", chooser, view, class_="controls only-script")
+    return section("vectors", "Where the error points", words, controls, viewer(scene, _SPOKEN))
 
 
 def viewer(scene: dict[str, Any], spoken: str) -> Markup:
@@ -111,31 +101,29 @@ def state_section(report: Report) -> Markup:
     by_name = {direction.name: direction for direction in report.directions}
     sets: list[Content] = []
     for key, _ in _VIEWS:
-        if key == "telling":
-            figures = [_state_figure(report, view) for view in telling]
-        else:
+        views, dots, on_paper = telling, charts.DOTS, True
+        if key != "telling":
             views = [report.view(view.variable, by_name[key]) for view in telling]
-            figures = [_state_figure(report, view, _DOTS_OF_OTHERS) for view in views]
-        rest = figures[_SHOWN:]
-        more = (
-            folded(
-                f"{plural(len(rest), 'more variable')} that show less",
-                tag("div", grid(rest), class_="screen"),
-                _listed_views(telling[_SHOWN:]) if key == "telling" else None,
-            )
-            if rest
-            else None
-        )
-        sets.append(
-            tag("div", grid(figures[:_SHOWN]), more, class_="view", data_view=key, hidden=key != "telling")
-        )
-    before = (
-        " The dashed line is the first step's mean, where that has a trend." if len(report.steps) > 1 else ""
-    )
+            dots, on_paper = _DOTS_OF_OTHERS, False
+        figures = [_state_figure(report, view, dots) for view in views]
+        more = None
+        if rest := figures[_SHOWN:]:
+            words = f"{plural(len(rest), 'more variable')} that show less"
+            listing = _listed_views(telling[_SHOWN:]) if on_paper else None
+            more = folded(words, tag("div", grid(rest), class_="screen"), listing)
+        shown = [grid(figures[:_SHOWN]), more]
+        sets.append(tag("div", shown, class_="view", data_view=key, hidden=key != "telling"))
+    dashed = " The dashed line is the first step's mean, where that has a trend."
+    before = dashed if len(report.steps) > 1 else ""
+    not_read = [
+        f" None is read as an error of joint {number}, whose axis runs {1e3 * lever:.1f} mm beside the reflector: its "
+        "angle hardly moves it."
+        for number, lever in report.tiny_levers.items()
+    ]
     return section(
         "state",
         "What the error depends on",
-        lead(_STATE, before, _TELLING, _not_read(report)),
+        lead(_STATE, before, _TELLING, not_read),
         tag("div", _chooser("state-view", "read", list(_VIEWS), 0), class_="controls only-script"),
         tag("div", sets, class_="views"),
     )
@@ -157,27 +145,14 @@ def _listed_views(views: list[View]) -> Markup:
     )
 
 
-def _not_read(report: Report) -> str:
-    """Sentences on the joints as whose error no residual is read, and why."""
-    sentences = [
-        f" None is read as an error of joint {number}, whose axis runs {1e3 * lever:.1f} mm beside the reflector: its "
-        "angle hardly moves it."
-        for number, lever in report.tiny_levers.items()
-    ]
-    return "".join(sentences)
-
-
-def _state_figure(report: Report, view: View, dots: int = charts.DOTS) -> Markup:
+def _state_figure(report: Report, view: View, dots: int) -> Markup:
     panel = charts.state_panel(report, view, dots)
     title = [tag("code", view.variable.name), f" {view.variable.what}"]
     mark = tag("span", "– cannot tell")
-    if view.last.tells:
-        trend = view.last.trend
-        mark = (
-            tag("span", "▲ trend left", class_="trend")
-            if trend
-            else tag("span", "○ nothing left", class_="calm")
-        )
+    if view.last.trend:
+        mark = tag("span", "▲ trend left", class_="trend")
+    elif view.last.tells:
+        mark = tag("span", "○ nothing left", class_="calm")
     return figure(title, panel, mark, f" · {view.direction.what}. {charts.trend_words(view)}")
 
 
@@ -194,11 +169,11 @@ def spectra_section(report: Report) -> Markup:
         joint = report.last.fit.robot.joints[spectrum.joint - 1]
         title = f"Joint {spectrum.joint}" + (f" · {joint['name']}" if joint.get("name") else "")
         figures.append(figure(title, charts.spectrum_panel(spectrum, before), caption))
-    if not figures:
-        none = lead("No joint moves far enough in these data for a spectrum.")
-        return section("spectra", "Periods of the joints", none)
     dashed = " Dashed: first step, whose scatter may reach beyond the last step's level." if first else ""
-    return section("spectra", "Periods of the joints", lead(_SPECTRA, dashed), grid(figures))
+    content = [lead(_SPECTRA, dashed), grid(figures)]
+    if not figures:
+        content = [lead("No joint moves far enough in these data for a spectrum.")]
+    return section("spectra", "Periods of the joints", content)
 
 
 def _lines(spectrum: Spectrum) -> str:
@@ -240,12 +215,8 @@ def _finding(finding: Finding) -> Markup:
 
 
 def _chooser(group: str, legend: str, choices: list[tuple[str, str]], chosen: int) -> Markup:
-    labels = [
-        tag(
-            "label",
-            tag("input", type="radio", name=group, value=value, checked=k == chosen),
-            tag("span", text),
-        )
-        for k, (value, text) in enumerate(choices)
-    ]
+    labels = []
+    for k, (value, text) in enumerate(choices):
+        field = tag("input", type="radio", name=group, value=value, checked=k == chosen)
+        labels.append(tag("label", field, tag("span", text)))
     return tag("fieldset", tag("legend", legend), labels, class_="segments")

@@ -73,10 +73,9 @@ class Drop:
         A file in Armtrue's own form is not foreign, even if faulty. Errors: InputError where several files, or one with
         a URDF, cannot be understood; one file alone gives False, as the reader of Armtrue's own form explains more.
         """
-        arm = robot or next(
-            (path for file in files[:1] if (path := file.with_name("robot.yaml")).is_file()), None
-        )
-        named = [*files, *(path for path in (arm, model) if path)]
+        beside = files[0].with_name("robot.yaml")
+        arm = robot or (beside if beside.is_file() else None)
+        named = [*files, *filter(None, (arm, model))]
         certain = len(files) > 1 or (arm is not None and arm.suffix.lower() == ".urdf")
         tables = all(file.suffix.lower() in _TABLES for file in files)
         whole = all(path.is_file() for path in named) and len({path.name for path in named}) == len(named)
@@ -155,31 +154,28 @@ class Drop:
             raise InputError(
                 "found no measurements among the files, expected a CSV, an XLSX, a dataset.yaml or a fit.json"
             )
+        why = ""
         if robot is not None and len(kinds["table"]) == 1:
             try:
                 return open_files(kinds["table"], robot, model)
             except InputError as error:
                 # The message goes on to recommend `armtrue init`, which runs here: that part is cut off.
-                self._guess(kinds, robot, model, self.without_place(str(error)).split("; ")[0])
-                return None
-        self._guess(kinds, robot, model, "")
+                why = self.without_place(str(error)).split("; ")[0]
+        self._guess(kinds, robot, model, why)
         return None
 
     def _guess(self, kinds: dict[str, list[Path]], robot: Path | None, model: Path | None, why: str) -> None:
         # A URDF beside a robot.yaml is no second arm: robot.yaml refers to it.
-        urdf, dh = (
-            (None, None) if robot else (_one(kinds["urdf"], "URDF"), _one(kinds["dh"], "table of an arm"))
-        )
+        urdf = None if robot else _one(kinds["urdf"], "URDF")
+        dh = None if robot else _one(kinds["dh"], "table of an arm")
         if not (robot or urdf or dh):
             names = ", ".join(path.name for path in kinds["table"])
             raise InputError(
                 f"{names}: found no arm beside it, expected its robot.yaml, its URDF, or a table of "
                 f"Denavit-Hartenberg rows (a, alpha, d, theta) to be dropped too; {WHERE_ARMS_ARE}"
             )
-        out = self.folder / _GUESSED
-        found = init(
-            kinds["table"], out, urdf=urdf, dh=dh, robot=robot, model=model, force=True, skip_bad=True
-        )
+        arm = {"urdf": urdf, "dh": dh, "robot": robot}
+        found = init(kinds["table"], self.folder / _GUESSED, **arm, model=model, force=True, skip_bad=True)
         self.guess = self._looked_at([*([why] if why else []), *found.notes])
 
     def _looked_at(self, notes: list[str]) -> Guess:
@@ -207,13 +203,10 @@ class Drop:
         assert self.guess is not None
         write_file(self.guess.path, text)
         try:
-            data = load_data(self.guess.path, self.guess.robot, strict=False)
+            self.guess, self.draft = self._looked_at(self.guess.notes), {}
         except InputError:
             write_file(self.guess.path, self.guess.text)
             raise
-        self.guess.text, self.draft = text, {}
-        self.guess.findings = check(data, self.guess.robot).findings
-        self.guess.picture = guess_picture(data, self.guess.robot, self.guess.findings)
 
     def _mend(self, words: Entry) -> None:
         assert self.guess is not None

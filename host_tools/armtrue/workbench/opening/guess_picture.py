@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from armtrue.arrays import Array
+from armtrue.arrays import Array, rms_length
 from armtrue.checking import Finding
 from armtrue.checking.alignment import NOMINAL_ERROR_PER_REACH, Columns, align, alignment_columns, thinned
 from armtrue.checking.run import NO_ARM
 from armtrue.errors import InputError
 from armtrue.io import Dataset, Robot
 from armtrue.io.columns import POSITION, commanded_joints
-from armtrue.io.dataset import fixed_targets, without_fixed_targets
+from armtrue.io.dataset import without_fixed_targets
 from armtrue.report.markup import Markup, tag
 from armtrue.report.pictures.effect_picture import corners, framed, path, projected
 from armtrue.tables.chain import chain_from_robot, flanges, pose
@@ -25,17 +25,19 @@ def guess_picture(data: Dataset, robot: Robot, findings: list[Finding]) -> Marku
     None where nothing aligns. `findings`: of the check of `data`, so that the caption does not contradict them.
     """
     try:
-        riding = without_fixed_targets(data) if fixed_targets(data) else data
-        joints, points, reached = _lines(thinned(alignment_columns(riding), _MOST), robot)
+        riding = alignment_columns(without_fixed_targets(data))
+        joints, points, reached = _lines(thinned(riding, _MOST), robot)
     except (InputError, ValueError):
         return None
     chain = chain_from_robot(robot.spec)
     middle = int(np.argmin(np.sum((joints - np.median(joints, axis=0)) ** 2, axis=1)))
     arm = np.vstack([corners(chain, joints[middle], {}), reached[middle]])
     lengths = np.linalg.norm(points - reached, axis=1)
+    rms = rms_length(points - reached)
     words = (
         f"The nominal arm at one pose, {len(points)} measured points as the file gives them, and a line from each to "
-        f"where the arm would be: {_rms_words(lengths)} RMS. {_verdict(lengths, chain.reach_m, findings)}"
+        f"where the arm would be: {f'{rms:.1f} m' if rms >= 1.0 else f'{1e3 * rms:.1f} mm'} RMS. "
+        f"{_verdict(lengths, chain.reach_m, findings)}"
     )
     return tag("figure", _svg(projected([arm, points, reached]), words), tag("figcaption", words))
 
@@ -60,11 +62,6 @@ def _lines(columns: Columns, robot: Robot) -> tuple[Array, Array, Array]:
         parts.append((joints, (measured - base[:3, 3]) @ base[:3, :3], reached))
     joints, points, reached = (np.concatenate(each) for each in zip(*parts, strict=True))
     return joints, points, reached
-
-
-def _rms_words(lengths: Array) -> str:
-    rms = float(np.sqrt(np.mean(lengths**2)))
-    return f"{rms:.1f} m" if rms >= 1.0 else f"{1e3 * rms:.1f} mm"
 
 
 def _verdict(lengths: Array, reach_m: float, findings: list[Finding]) -> str:

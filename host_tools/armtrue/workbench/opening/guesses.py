@@ -18,7 +18,7 @@ from armtrue.io.columns import POSITION, QUATERNION, TEXT_COLUMNS, UNITS, Column
 from armtrue.io.files import read_text
 from armtrue.io.layout import SEPARATORS
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import listed
+from armtrue.report.parts import folded, listed
 from armtrue.units import plural
 from armtrue.workbench.showing.elements import button
 
@@ -56,10 +56,12 @@ def form(document: Document, header: list[str], rows: list[list[str]], robot: Ro
     """The form of a dataset.yaml beside the first rows of its file."""
     given = {value: name for name, value in SEPARATORS.items()}
     turn = document.get("rotation") or {}
+    at = document.get("header_row", 1)
+    line = tag("input", type="number", min="0", max="1000", value=at, data_form="header_row")
     top = [
         _choice("separator", list(SEPARATORS), given.get(_separator(document), "comma")),
         _choice("decimal", [".", ","], str(document.get("decimal", "."))),
-        tag("label", "line of the header ", _number("header_row", document.get("header_row", 1))),
+        tag("label", "line of the header ", line),
     ]
     turns = [
         _choice("sequence", list(_SEQUENCES), str(turn.get("sequence", "XYZ"))),
@@ -69,21 +71,16 @@ def form(document: Document, header: list[str], rows: list[list[str]], robot: Ro
     meanings, units = _meanings(document), _units(document)
     known = _known(robot, [*meanings.values()])
     heads = [tag("th", name, scope="col") for name in header]
-    kinds = [
-        tag("td", _select(f"{name} is", [_UNUSED, *known], meanings.get(name, _UNUSED), name, "is"))
-        for name in header
-    ]
-    given_units = [
-        tag("td", _select(f"unit of {name}", ["", *UNITS], units.get(name, ""), name, "unit"))
-        for name in header
-    ]
+    kinds, given_units = [], []
+    for name in header:
+        kind = _select(f"{name} is", [_UNUSED, *known], meanings.get(name, _UNUSED), name, "is")
+        unit = _select(f"unit of {name}", ["", *UNITS], units.get(name, ""), name, "unit")
+        kinds.append(tag("td", kind))
+        given_units.append(tag("td", unit))
     body = [tag("tr", [tag("td", cell) for cell in row]) for row in rows]
-    table = tag(
-        "table",
-        tag("caption", "The first rows, and what their columns are"),
-        tag("thead", tag("tr", heads), tag("tr", kinds), tag("tr", given_units)),
-        tag("tbody", body),
-    )
+    caption = tag("caption", "The first rows, and what their columns are")
+    head = tag("thead", tag("tr", heads), tag("tr", kinds), tag("tr", given_units))
+    table = tag("table", caption, head, tag("tbody", body))
     return tag(
         "div",
         tag("p", top, class_="form"),
@@ -101,10 +98,6 @@ def _select(label: str, choices: list[str], chosen: str, key: str, what: str | N
     options = [tag("option", choice or "–", value=choice, selected=choice == chosen) for choice in choices]
     return tag("select", options, aria_label=label, data_form=key if what is None else None,
                data_column=key if what else None, data_what=what)  # fmt: skip
-
-
-def _number(key: str, value: object) -> Markup:
-    return tag("input", type="number", min="0", max="1000", value=value, data_form=key)
 
 
 def _known(robot: Robot, also: list[str]) -> list[str]:
@@ -139,8 +132,7 @@ def _units(document: Document) -> dict[str, str]:
 def filled_in(text: str, given: Any, robot: Robot) -> str:
     """dataset.yaml with the entries of the form. Errors: InputError where the form is not complete or consistent."""
     document = _document(text)
-    fields = given.get("fields") if isinstance(given, dict) else None
-    columns = given.get("columns") if isinstance(given, dict) else None
+    fields, columns = map(given.get, ("fields", "columns")) if isinstance(given, dict) else (None, None)
     if not isinstance(fields, dict) or not isinstance(columns, dict):
         raise InputError("form: found none, expected its fields and columns")
     document["separator"] = str(fields.get("separator", "comma"))
@@ -151,9 +143,8 @@ def filled_in(text: str, given: Any, robot: Robot) -> str:
     new: Document = {name: e for name, e in old.items() if isinstance(e, dict) and "column" not in e}
     turns: dict[str, str] = {}
     for header, entry in columns.items():
-        name, unit = (
-            (str(entry.get(key) or "") for key in ("is", "unit")) if isinstance(entry, dict) else ("", "")
-        )
+        chosen = entry if isinstance(entry, dict) else {}
+        name, unit = (str(chosen.get(key) or "") for key in ("is", "unit"))
         if name in _TURNS:
             turns[name] = header
         elif name and name != _UNUSED:
@@ -244,5 +235,5 @@ def findings_list(findings: list[Finding]) -> Markup:
 
     wrong = [line(k, finding) for k, finding in enumerate(findings) if finding.severity != "note"]
     notes = [line(k, finding) for k, finding in enumerate(findings) if finding.severity == "note"]
-    folded = tag("details", tag("summary", plural(len(notes), "note")), listed(notes)) if notes else None
-    return tag("div", listed(wrong) if wrong else tag("p", "Nothing is wrong."), folded)
+    of_notes = folded(plural(len(notes), "note"), listed(notes)) if notes else None
+    return tag("div", listed(wrong) if wrong else tag("p", "Nothing is wrong."), of_notes)

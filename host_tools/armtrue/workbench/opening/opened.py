@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from armtrue.checking import refuse_what_cannot_be_an_arm
 from armtrue.errors import InputError
@@ -14,8 +13,6 @@ from armtrue.io.catalogue import with_role
 from armtrue.io.plausible import refuse_too_few_poses
 from armtrue.progress import Progress
 from armtrue.report.gathered.steps import check_same_data
-
-_BESIDE = {"robot": "robot.yaml", "model": "model.yaml"}
 
 
 @dataclass
@@ -81,9 +78,7 @@ def _of_measurements(path: Path, robot: Path | None, model: Path | None) -> Open
     model = model or _beside(path, "model", notes)
     if model is None:
         # As `armtrue init` writes it: the geometry alone; the diagnosis then recommends further effects.
-        geometry = with_role("placement", "geometry")
-        effects: list[dict[str, Any]] = [{"effect": name} for name in geometry]
-        believed = Model(effects)
+        believed = Model([{"effect": name} for name in with_role("placement", "geometry")])
         notes.append("no model was named: the geometry of the arm is fitted first")
     else:
         believed = load_model(model, arm, data.columns)
@@ -98,7 +93,7 @@ def _files_of(data: Dataset) -> list[Path]:
 
 
 def _beside(path: Path, kind: str, notes: list[str]) -> Path | None:
-    place = path.with_name(_BESIDE[kind])
+    place = path.with_name(f"{kind}.yaml")
     if not place.is_file():
         return None
     notes.append(f"{kind}: {place.name} beside the measurements is taken")

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from armtrue import comparing
+from armtrue.candidates import label as called
 from armtrue.candidates import model_entry
+from armtrue.candidates import name as named
 from armtrue.errors import InputError
 from armtrue.fitting import Fit, with_effects
 from armtrue.progress import Progress
@@ -17,7 +19,6 @@ from armtrue.verdicts import chance
 from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.elements import button, card, number_of
 from armtrue.workbench.showing.further import Result
-from armtrue.workbench.showing.names import called, named
 from armtrue.workbench.showing.poses import planned
 from armtrue.workbench.showing.words import length
 
@@ -52,19 +53,14 @@ def _name(session: Session, node: Node) -> str:
 
 
 def _figures(session: Session, nodes: list[Node], names: list[str]) -> Markup:
-    counts = [
-        sum(not parameter["held"] for parameter in session.fit_of(node.number).document["parameters"])
-        for node in nodes
-    ]
+    fitted = [session.fit_of(node.number).document["parameters"] for node in nodes]
+    counts = [sum(not parameter["held"] for parameter in parameters) for parameters in fitted]
+    own = ["; ".join(map(named, effects)) or "none" for effects in _own_effects(nodes)]
     rows: list[list[Content]] = [
-        [
-            "effects that the other lacks",
-            *("; ".join(map(named, effects)) or "none" for effects in _own_effects(nodes)),
-        ],
+        ["effects that the other lacks", *own],
         ["held-out mean error", *(length(node.mean_um) for node in nodes)],
         ["parameters", *map(str, counts)],
     ]
-    after: Content = None
     if nodes[0].left_out == nodes[1].left_out:
         bic = [bayesian_information(session, node.number) for node in nodes]
         share = comparing.probability_of_first(*bic)
@@ -81,15 +77,10 @@ def _poses(session: Session, nodes: list[Node]) -> Markup:
     found = comparing.difference(*fits)
     if not len(found.rows):
         return tag("p", "They were fitted to different rows, none of which both have.")
-    shown = range(min(_SHOWN_POSES, len(found.rows)))
-    rows: list[list[Content]] = [
-        [
-            str(int(found.rows[k])),
-            *(micrometres(float(each[k])) for each in (found.apart_um, *found.errors_um)),
-            _joints(fits[0], int(found.first[k])),
-        ]
-        for k in shown
-    ]
+    rows: list[list[Content]] = []
+    for k in range(min(_SHOWN_POSES, len(found.rows))):
+        lengths = [micrometres(float(each[k])) for each in (found.apart_um, *found.errors_um)]
+        rows.append([str(int(found.rows[k])), *lengths, _joints(fits[0], int(found.first[k]))])
     words = (
         f"Their predictions are {micrometres(float(found.apart_um.mean()))} µm apart on average, and "
         f"{micrometres(float(found.apart_um.max()))} µm at most."
@@ -101,10 +92,8 @@ def _poses(session: Session, nodes: list[Node]) -> Markup:
 
 def _joints(fit: Fit, place: int) -> str:
     units = [joint_unit(joint) for joint in fit.robot.joints]
-    values = fit.data.joints[place]
-    return minus(
-        " ".join(f"{value / size:.0f}{unit}" for value, (unit, size) in zip(values, units, strict=True))
-    )
+    figures = zip(fit.data.joints[place], units, strict=True)
+    return minus(" ".join(f"{value / size:.0f}{unit}" for value, (unit, size) in figures))
 
 
 def _deciding(nodes: list[Node]) -> Content:
@@ -149,18 +138,13 @@ def swaps(session: Session, place: str) -> str:
     alike = {label for each in candidates if model_entry(each) == old for label in each["confounded_with"]}
     others = [each for each in candidates if model_entry(each) not in effects]
     others.sort(key=lambda each: (called(each) not in alike, -each["probability"]))
-    rows = [
-        tag(
-            "li",
-            tag("span", f"{named(each)}: probability {chance(each['probability'])}"),
-            " ",
-            button(
-                "Put in its place", "swap", effect=number, entry=model_entry(each),
-                aria_label=f"Put {named(each)} in the place of {named(old)}",
-            ),
+    rows = []
+    for each in others[:_MOST_RIVALS]:
+        spoken = f"Put {named(each)} in the place of {named(old)}"
+        put = button("Put in its place", "swap", effect=number, entry=model_entry(each), aria_label=spoken)
+        rows.append(
+            tag("li", tag("span", f"{named(each)}: probability {chance(each['probability'])}"), " ", put)
         )
-        for each in others[:_MOST_RIVALS]
-    ]  # fmt: skip
     first = "those that these data hardly tell from it come first, then " if alike else ""
     words = f"{plural(len(rows), 'effect')} could stand there; {first}the most probable first."
     return card(f"In the place of {named(old)}", tag("p", words), tag("ul", rows, class_="model"))
@@ -173,21 +157,15 @@ def _replacements(session: Session, old: dict[str, Any]) -> list[dict[str, Any]]
     removed since.
     """
     shown = session.node
-    rest = [effect for effect in shown.effects if effect != old]
-    numbers = [
-        node.number for node in session.nodes if node.left_out == shown.left_out and _same(node.effects, rest)
-    ][:1] or [
-        *(node.parent for node in session.path if node.parent is not None and old in node.added),
-        shown.number,
-    ]
-    diagnoses = [session.diagnosis_of(number) for number in numbers]
+    # In whatever order.
+    rest = sorted(str(effect) for effect in shown.effects if effect != old)
+    like_it = [node for node in session.nodes if node.left_out == shown.left_out]
+    numbers = [node.number for node in like_it if sorted(map(str, node.effects)) == rest][:1]
+    if not numbers:
+        parents = (node.parent for node in session.path if old in node.added)
+        numbers = [*(number for number in parents if number is not None), shown.number]
     found: dict[str, dict[str, Any]] = {}
-    for diagnosis in filter(None, diagnoses):
+    for diagnosis in filter(None, map(session.diagnosis_of, numbers)):
         for candidate in diagnosis["candidates"]:
             found.setdefault(str(model_entry(candidate)), candidate)
     return list(found.values())
-
-
-def _same(effects: list[dict[str, Any]], others: list[dict[str, Any]]) -> bool:
-    """True where two models have the same effects, in whatever order."""
-    return sorted(map(str, effects)) == sorted(map(str, others))

@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from armtrue import sketching
+from armtrue.candidates import label as called
 from armtrue.candidates import model_entry
+from armtrue.candidates import name as named
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import EffectInfo, catalogue
 from armtrue.report.content import added_variable
 from armtrue.report.markup import Content, Markup, join, tag
-from armtrue.report.parts import listed, micrometres, typeset
+from armtrue.report.parts import folded, listed, micrometres, typeset
 from armtrue.report.pictures import charts
 from armtrue.report.pictures.effect_picture import effect_sweep
 from armtrue.report.sections.diagnosis_sections import values_list
@@ -19,7 +21,6 @@ from armtrue.verdicts import chance, why_words
 from armtrue.workbench.actions import candidates_of
 from armtrue.workbench.session import Session
 from armtrue.workbench.showing import elements
-from armtrue.workbench.showing.names import called, named
 
 _NEIGHBOURS = 3
 
@@ -70,21 +71,12 @@ def _chosen(session: Session, place: str) -> tuple[list[dict[str, Any]], int]:
 
 def _picture_and_formula(fit: Fit, candidate: dict[str, Any], info: EffectInfo) -> Content:
     sweep = effect_sweep(fit, candidate)
-    formula = formula_block(info, sweep)
     lines = sketching.sketch(info)
-    course = (
-        tag("details", tag("summary", "Its course on a sample arm, as text"), tag("pre", "\n".join(lines)))
-        if lines
-        else None
-    )
+    course = folded("Its course on a sample arm, as text", tag("pre", "\n".join(lines))) if lines else None
     picture, words = picture_of(fit, candidate, info, sweep)
     still = elements.button("Hold still", "hold", aria_pressed="false") if picture else None
-    return [
-        tag("figure", picture, tag("figcaption", words, " ", still)),
-        tag("h3", "Formula"),
-        formula,
-        course,
-    ]
+    figure = tag("figure", picture, tag("figcaption", words, " ", still))
+    return [figure, tag("h3", "Formula"), formula_block(info, sweep), course]
 
 
 def _neighbours(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> Markup:
@@ -95,13 +87,15 @@ def _neighbours(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> 
     shown = [*alike, *near[: max(0, _NEIGHBOURS - len(alike))]]
     if not shown:
         return tag("p", "No other effect that was tried acts on the same joints.")
-    own = f"probability {chance(candidate['probability'])}, explains {100.0 * candidate['explained']:.1f} %"
+
+    def strength(each: dict[str, Any]) -> str:
+        return f"probability {chance(each['probability'])}, explains {100.0 * each['explained']:.1f} %"
+
     lines: list[Content] = []
     for other in shown:
-        words = f"probability {chance(other['probability'])}, explains {100.0 * other['explained']:.1f} %"
         hardly = "; these data hardly tell the two apart" if other in alike else ""
-        lines.append([tag("b", named(other)), f": {words}{hardly}; {typeset(why_words(other))}."])
-    return join(tag("p", f"{named(candidate)}: {own}."), listed(lines))
+        lines.append([tag("b", named(other)), f": {strength(other)}{hardly}; {typeset(why_words(other))}."])
+    return join(tag("p", f"{named(candidate)}: {strength(candidate)}."), listed(lines))
 
 
 def _alike(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -111,9 +105,7 @@ def _alike(candidate: dict[str, Any], candidates: list[dict[str, Any]]) -> list[
 
 def _deciding(candidate: dict[str, Any], candidates: list[dict[str, Any]], number: int) -> Markup:
     rivals = [candidates.index(other) for other in _alike(candidate, candidates)]
-    if not rivals:
-        nearest = next((k for k in range(len(candidates)) if k != number), None)
-        rivals = [] if nearest is None else [nearest]
+    rivals = rivals or [k for k in range(len(candidates)) if k != number][:1]
     if not rivals:
         return tag("p", "There is nothing to tell it from.")
     names = "; ".join(named(candidates[k]) for k in rivals)

@@ -42,10 +42,11 @@ def certainty_section(fit: Fit) -> Markup:
         figure(f"Over {axis}", _panel(chosen.positions_m[:, k], sigma, f"reflector's {axis} [m]"))
         for k, axis in enumerate("xyz")
     ]
-    worst: list[list[Content]] = [
-        [str(int(chosen.rows[k])), micrometres(float(sigma[k])), _place(chosen.positions_m[k])]
-        for k in np.argsort(-sigma)[:_WORST]
-    ]
+    worst: list[list[Content]] = []
+    for k in np.argsort(-sigma)[:_WORST]:
+        place = minus(", ".join(f"{value:.3f}" for value in chosen.positions_m[k]))
+        worst.append([str(int(chosen.rows[k])), micrometres(float(sigma[k])), place])
+    headers = ["row", "standard deviation [µm]", "place [m]"]
     words = f"Median {micrometres(float(np.median(sigma)))} µm, largest {micrometres(float(sigma.max()))} µm."
     return section(
         "certainty",
@@ -54,9 +55,7 @@ def certainty_section(fit: Fit) -> Markup:
         tag("p", words),
         viewer(_over_the_arm(fit, chosen, covariance), f"The prediction's uncertainty over the arm. {words}"),
         grid(figures),
-        table(
-            ["row", "standard deviation [µm]", "place [m]"], worst, "Poses that are known least", words=(0, 2)
-        ),
+        table(headers, worst, "Poses that are known least", words=(0, 2)),
     )
 
 
@@ -77,18 +76,8 @@ def _over_the_arm(fit: Fit, poses: Dataset, covariance: Array) -> dict[str, Any]
 
 
 def _panel(place: Array, sigma: Array, label: str) -> Markup:
-    top = 1.1 * float(sigma.max())
-    panel = Panel(
-        around(place),
-        Scale(0.0, top or 1.0),
-        label,
-        "standard deviation [µm]",
-        f"Uncertainty of the prediction over {label}: {micrometres(float(sigma.min()))} to "
-        f"{micrometres(float(sigma.max()))} µm.",
-    )
+    low, high = float(sigma.min()), float(sigma.max())
+    words = f"Uncertainty of the prediction over {label}: {micrometres(low)} to {micrometres(high)} µm."
+    panel = Panel(around(place), Scale(0.0, 1.1 * high or 1.0), label, "standard deviation [µm]", words)
     panel.points(place, sigma, "dots strong-dots")
     return panel.render()
-
-
-def _place(position: Array) -> str:
-    return minus(", ".join(f"{value:.3f}" for value in position))

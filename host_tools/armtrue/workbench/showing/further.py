@@ -7,8 +7,8 @@ from typing import Any
 
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
-from armtrue.report.gathered.state import Variable
 from armtrue.report.markup import Markup, tag
+from armtrue.report.parts import folded
 from armtrue.workbench.outputs import Made
 from armtrue.workbench.showing.elements import button
 from armtrue.workbench.showing.looking import all_variables
@@ -24,20 +24,16 @@ class Result:
 
     def as_json(self) -> dict[str, Any]:
         """For the session's file. Files of results are text."""
-        made = self.made and {
-            "name": self.made.name,
-            "kind": self.made.kind,
-            "text": self.made.content.decode(),
-        }
-        return {"shown": str(self.shown), "said": self.said, "made": made}
+        made = self.made
+        kept = made and {"name": made.name, "kind": made.kind, "text": made.content.decode()}
+        return {"shown": str(self.shown), "said": self.said, "made": kept}
 
     @staticmethod
     def of_json(kept: dict[str, Any]) -> Result:
         """What `as_json` gave. Errors: KeyError, TypeError where it is something else."""
-        made = kept["made"] and Made(
-            kept["made"]["name"], kept["made"]["text"].encode(), kept["made"]["kind"]
-        )
-        return Result(Markup(kept["shown"]), str(kept["said"]), made or None)
+        made = kept["made"]
+        file = Made(made["name"], made["text"].encode(), made["kind"]) if made else None
+        return Result(Markup(kept["shown"]), str(kept["said"]), file)
 
 
 def rows_between(fit: Fit, words: dict[str, Any]) -> list[int]:
@@ -57,19 +53,13 @@ def rows_between(fit: Fit, words: dict[str, Any]) -> list[int]:
 
 def leave_out_form(fit: Fit) -> Markup:
     """A form to leave out a region, a time or a range of any other variable."""
-
-    def option(variable: Variable) -> Markup:
-        values = variable.values
-        return tag(
-            "option", f"{variable.label} ({values.min():.4g} to {values.max():.4g})", value=variable.name
-        )
-
-    return tag(
-        "details",
-        tag("summary", "Leave out a region or a time"),
-        tag(
-            "label", "rows with ", tag("select", [option(v) for v in all_variables(fit)], id="leave-variable")
-        ),
+    options = [
+        tag("option", f"{v.label} ({v.values.min():.4g} to {v.values.max():.4g})", value=v.name)
+        for v in all_variables(fit)
+    ]
+    return folded(
+        "Leave out a region or a time",
+        tag("label", "rows with ", tag("select", options, id="leave-variable")),
         tag("label", " from ", tag("input", type="number", step="any", id="leave-low")),
         tag("label", " to ", tag("input", type="number", step="any", id="leave-high")),
         button("Leave out", "leave_out_where"),

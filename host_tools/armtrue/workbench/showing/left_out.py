@@ -10,10 +10,11 @@ from armtrue.comparing import prediction_error
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io import Dataset
-from armtrue.report.markup import Markup, tag
+from armtrue.report.markup import Content, Markup, tag
 from armtrue.report.parts import micrometres
 from armtrue.units import plural
 from armtrue.workbench.session import Node
+from armtrue.workbench.showing.elements import button
 from armtrue.workbench.showing.words import length
 
 _NAMED_ROWS = 30
@@ -33,9 +34,7 @@ def error_there(fit: Fit, data: Dataset, rows: list[int]) -> dict[str, Any] | No
 
 
 def said_there(node: Node) -> str:
-    """The error at the rows left out beside that of held-out poses, in a sentence; empty where no row is left out."""
-    if not node.left_out:
-        return ""
+    """The error at the rows left out beside that of held-out poses, in a sentence."""
     figures = node.left_out_error
     if figures is None:
         return "The model says nothing of the rows left out: all rows of their reflector are."
@@ -45,17 +44,17 @@ def said_there(node: Node) -> str:
     )
 
 
-def left_out_part(node: Node, rejected: int, again: Markup) -> Markup:
-    """Which rows are kept out, what the model predicts there, and `again`, the button that lets them take part."""
-    rows = node.left_out
-    named = ", ".join(map(str, rows[:_NAMED_ROWS])) + (" and more" if len(rows) > _NAMED_ROWS else "")
-    return tag(
-        "div",
-        tag("p", f"{plural(len(rows), 'row')} left out by you: {named}.") if rows else None,
-        tag("p", said_there(node)) if rows else None,
-        tag("p", again) if rows else None,
-        tag("p", f"{plural(rejected, 'row')} kept out as gross errors.") if rejected else None,
-    )
+def left_out_part(node: Node, rejected: int) -> Markup:
+    """Which rows are kept out, what the model predicts there, and the button that lets them take part."""
+    content: list[Content] = []
+    if rows := node.left_out:
+        named = ", ".join(map(str, rows[:_NAMED_ROWS])) + (" and more" if len(rows) > _NAMED_ROWS else "")
+        again = button("Let all rows take part again", "leave_out", rows="[]")
+        by_you = f"{plural(len(rows), 'row')} left out by you: {named}."
+        content += [tag("p", by_you), tag("p", said_there(node)), tag("p", again)]
+    if rejected:
+        content.append(tag("p", f"{plural(rejected, 'row')} kept out as gross errors."))
+    return tag("div", content)
 
 
 def left_out_row(node: Node, keys: list[str]) -> Markup | None:

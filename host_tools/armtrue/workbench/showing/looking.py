@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import catalogue
@@ -17,6 +16,7 @@ from armtrue.report.gathered.spectrum import Peak, Spectrum
 from armtrue.report.gathered.state import Direction, Variable, variables
 from armtrue.report.gathered.thinning import spread_rows
 from armtrue.report.markup import Content, Markup, tag
+from armtrue.report.parts import figure, grid
 from armtrue.report.pictures import charts
 from armtrue.report.pictures.arm import scene_rows
 from armtrue.workbench.showing.elements import button
@@ -82,16 +82,12 @@ def looking_section(report: Report, ranks: list[Rank], words: dict[str, str]) ->
     direction = ways.get(words.get("direction", ""), ways[rank.direction])
     view = report.view(variable, direction)
     panel = charts.state_panel(report, view)
+    caption = tag("figcaption", f"{direction.what}. {charts.trend_words(view)}")
     return tag(
         "section",
         tag("p", _ABOUT, class_="lead"),
         _choosers(report, ranks, rank, direction),
-        tag(
-            "figure",
-            panel,
-            tag("figcaption", f"{direction.what}. {charts.trend_words(view)}"),
-            class_="look-figure",
-        ),
+        tag("figure", panel, caption, class_="look-figure"),
         tag("p", class_="readout", aria_live="polite"),
         _selector(),
         tag("script", _dots(report, variable, direction), type="application/json"),
@@ -101,14 +97,10 @@ def looking_section(report: Report, ranks: list[Rank], words: dict[str, str]) ->
 
 def _choosers(report: Report, ranks: list[Rank], chosen: Rank, direction: Direction) -> Markup:
     known = {variable.name: variable for variable in report.variables}
+    labels = [f"{known[rank.variable].label}: {100.0 * rank.explained:.0f} %" for rank in ranks]
     choices = [
-        tag(
-            "option",
-            f"{known[rank.variable].label}: {100.0 * rank.explained:.0f} %",
-            value=rank.variable,
-            selected=rank is chosen,
-        )
-        for rank in ranks
+        tag("option", label, value=rank.variable, selected=rank is chosen)
+        for label, rank in zip(labels, ranks, strict=True)
     ]
     ways = [
         tag("option", f"{each.what} [{each.unit}]", value=each.name, selected=each.name == direction.name)
@@ -149,65 +141,50 @@ def _dots(report: Report, variable: Variable, direction: Direction) -> Markup:
         "reading": direction.what,
         "reading_unit": direction.unit,
         "row": last.fit.data.rows[rows].tolist(),
-        "x": _rounded(variable.values[rows]),
-        "y": _rounded(readings[rows]),
+        "x": [float(f"{value:.{_DIGITS}g}") for value in variable.values[rows]],
+        "y": [float(f"{value:.{_DIGITS}g}") for value in readings[rows]],
         "size": np.round(size[rows], 1).tolist(),
         "poses": int(last.used.sum()),
     }
     return Markup(json.dumps(document, separators=(",", ":")).replace("<", "\\u003c"))
 
 
-def _rounded(values: NDArray[np.float64]) -> list[float]:
-    return [float(f"{value:.{_DIGITS}g}") for value in values]
-
-
 def peaks_section(report: Report) -> Markup:
     """Spectra of the joints; what stands out can be added as an effect."""
     diagnosis, before = report.diagnoses[-1], report.diagnoses[0]
     first = {s.joint: s for s in before.spectra} if len(report.diagnoses) > 1 else {}
-    figures: list[Content] = [
-        tag(
-            "figure",
-            tag("h3", f"Joint {spectrum.joint}"),
-            charts.spectrum_panel(spectrum, first.get(spectrum.joint)),
-            tag("figcaption", _peaks(spectrum)),
-        )
-        for spectrum in diagnosis.spectra
+    figures = [
+        figure(f"Joint {s.joint}", charts.spectrum_panel(s, first.get(s.joint)), _peaks(s))
+        for s in diagnosis.spectra
     ]
     lead = (
         "Share of the squared residual that one sine of each period would explain, as an error of that joint's angle. "
         "Press what stands out, here or in the chart, to add it to the model and see the error change."
     )
     dashed = f" Dashed: {report.first.called}." if first else ""
-    return tag("section", tag("p", lead, dashed, class_="lead"), tag("div", figures, class_="grid"))
+    return tag("section", tag("p", lead, dashed, class_="lead"), grid(figures))
 
 
 def _peaks(spectrum: Spectrum) -> Content:
     if not spectrum.peaks:
         return "No line stands out."
-    return [
-        button(
-            f"Add {name}: {peak.called}, {peak.amplitude}, {100.0 * peak.explained:.1f} %",
-            "add", entry=entry, x=f"{peak.cycles:.6g}",
-        )
-        for peak in spectrum.peaks
-        for name, entry in [_as_effect(spectrum, peak)]
-    ]  # fmt: skip
+    buttons = []
+    for peak in spectrum.peaks:
+        entry = _as_effect(spectrum, peak)
+        words = f"{peak.called}, {peak.amplitude}, {100.0 * peak.explained:.1f} %"
+        named = f"Add {entry['effect']} {spectrum.joint}: {words}"
+        buttons.append(button(named, "add", entry=entry, x=f"{peak.cycles:.6g}"))
+    return buttons
 
 
-def _as_effect(spectrum: Spectrum, peak: Peak) -> tuple[str, dict[str, Any]]:
-    """Name and entry of the effect for a wave of this period: one of few orders, or one of any number of cycles."""
-    joint = spectrum.joint
+def _as_effect(spectrum: Spectrum, peak: Peak) -> dict[str, Any]:
+    """The effect for a wave of this period: one of few orders, or one of any number of cycles."""
+    joints = [spectrum.joint]
     waves = [info for info in catalogue().values() if info.joints == "each" and "orders" in info.options]
     few, any_number = sorted(waves, key=lambda info: "cycles" in info.options)[:2]
     if spectrum.slides:
         length = float(f"{1.0 / peak.cycles:.4g}")
-        return f"{any_number.id} {joint}", {
-            "effect": any_number.id,
-            "joints": [joint],
-            "wavelengths": [length],
-        }
+        return {"effect": any_number.id, "joints": joints, "wavelengths": [length]}
     if any(abs(peak.cycles - cycles) < _NEAR for cycles in _ECCENTRIC):
-        return f"{few.id} {joint}", {"effect": few.id, "joints": [joint]}
-    cycles = round(peak.cycles, 2)
-    return f"{any_number.id} {joint}", {"effect": any_number.id, "joints": [joint], "cycles": [cycles]}
+        return {"effect": few.id, "joints": joints}
+    return {"effect": any_number.id, "joints": joints, "cycles": [round(peak.cycles, 2)]}

@@ -18,7 +18,7 @@ from armtrue.fitting import fit as fit_model
 from armtrue.io import Dataset, Model, load_data
 from armtrue.io.files import csv_text, read_text, write_file
 from armtrue.progress import Progress
-from armtrue.report.markup import Content, Markup, tag
+from armtrue.report.markup import Markup, tag
 from armtrue.report.parts import listed, micrometres
 from armtrue.units import plural
 from armtrue.workbench.opening.dropped import Drop, is_own, kind_of
@@ -95,25 +95,21 @@ def compared(fit: Fit, drop: Drop, words: Entry) -> Result | None:
     found = compare(fit, data)
     figures = found.figures
     mean, expected = figures["error"]["mean_um"], figures["expected_mean_um"]
-    verdict = (
-        "as was to be expected" if figures["verdict"] == "as_expected" else "worse than was to be expected"
-    )
+    verdict = "as" if figures["verdict"] == "as_expected" else "worse than"
     name = data.file.name
-    said = f"{name}: mean error {micrometres(mean)} µm, {verdict} ({micrometres(expected)} µm)."
+    said = f"{name}: mean error {micrometres(mean)} µm, {verdict} was to be expected ({micrometres(expected)} µm)."
     if found.all_fitted:
         said = f"{name}: {found.sentences[0]}."
     elif found.elsewhere_um is not None:
         said = f"{said} {found.sentences[-1].capitalize()}."
-    worst: list[Content] = [
-        tag("li", f"row {entry['row']}: {micrometres(entry['error_um'])} µm") for entry in figures["rows"]
-    ]
+    worst = [f"row {entry['row']}: {micrometres(entry['error_um'])} µm" for entry in figures["rows"]]
     shown = tag(
         "div",
         tag("h3", f"{name}: {found.title.lower()}"),
         listed(found.sentences),
         None if found.all_fitted else _offer(found),
         tag("h3", "The worst rows"),
-        tag("ol", worst),
+        tag("ol", [tag("li", row) for row in worst]),
     )
     return Result(shown, said)
 
@@ -162,10 +158,9 @@ def _apart(old: Dataset, new: Dataset) -> tuple[Dataset, Dataset]:
     """Both with their set-ups numbered, those of `new` after those of `old`."""
     before, after = (part.columns.get(_SET_UP, np.ones(part.count)) for part in (old, new))
     after = after - after.min() + before.max() + 1.0
-    return (
-        replace(old, columns={**old.columns, _SET_UP: before}),
-        replace(new, columns={**new.columns, _SET_UP: after}),
-    )
+    apart = ((old, before), (new, after))
+    old, new = (replace(part, columns={**part.columns, _SET_UP: set_up}) for part, set_up in apart)
+    return old, new
 
 
 def _cells(data: Dataset, name: str, prefix: str) -> list[str]:

@@ -25,7 +25,7 @@ _SECTIONS: dict[str, Callable[[Report], Markup | None]] = {
     "rejected": rejected_section,
 }
 # Sections of the diagnosis; all others show the fit alone.
-OF_THE_DIAGNOSIS = {"spectra", "unexplained"}
+_OF_THE_DIAGNOSIS = {"spectra", "unexplained"}
 
 
 def panel(session: Session, words: dict[str, str]) -> str:
@@ -39,30 +39,23 @@ def panel(session: Session, words: dict[str, str]) -> str:
         fit = session.fit_of(session.at)
         return str(session.worked_out(session.at, "certainty", lambda: certainty_section(fit)))
     if name not in _SECTIONS:
-        raise InputError(
-            f"panel: found '{name}', expected one of {', '.join(('state', 'certainty', *_SECTIONS))}"
-        )
-    diagnosed = name in OF_THE_DIAGNOSIS
+        known = ", ".join(("state", "certainty", *_SECTIONS))
+        raise InputError(f"panel: found '{name}', expected one of {known}")
+    diagnosed = name in _OF_THE_DIAGNOSIS
     if diagnosed and not session.is_diagnosed(session.at):
         return tag("p", "The diagnosis of this model is not worked out yet.")
-    none = (
-        "The diagnosis found no dependence on a recorded variable that the candidates do not explain."
-        if name == "unexplained"
-        else "This model has nothing to show here."
-    )
+    none = "This model has nothing to show here."
+    if name == "unexplained":
+        none = "The diagnosis found no dependence on a recorded variable that the candidates do not explain."
     return _SECTIONS[name](_report(session, diagnosed)) or tag("p", none)
 
 
 def _report(session: Session, diagnosed: bool) -> Report:
     """The first model of the path beside the shown one, if both were fitted to the same rows."""
-    path = session.path
-    last = path[-1]
-    shown = [node for node in path[:1] if node.number != last.number and node.left_out == last.left_out] + [
-        last
-    ]
-    shown = [node for node in shown if not diagnosed or session.is_diagnosed(node.number)]
+    first, last = session.path[0], session.node
+    shown = [last] if first is last or first.left_out != last.left_out else [first, last]
+    if diagnosed:
+        shown = [node for node in shown if session.is_diagnosed(node.number)]
     fits = [session.fit_of(node.number) for node in shown]
     diagnoses = [session.diagnosis_of(node.number) for node in shown] if diagnosed else []
-    return shown_again(
-        fits, [node.name or node.change for node in shown], [each for each in diagnoses if each is not None]
-    )
+    return shown_again(fits, [node.name or node.change for node in shown], list(filter(None, diagnoses)))

@@ -35,18 +35,15 @@ def planned(
     heads = [tag("th", name, scope="col") for name in chosen.columns]
     body = [tag("tr", [tag("td", f"{value:.4f}") for value in row]) for row in rows[:_MOST_SHOWN]]
     table = tag("table", tag("caption", "Planned poses [rad, m]"), tag("tr", heads), body)
-    still = dict.fromkeys((f"q{k}" for k in fit.robot.passive), np.zeros(len(rows)))
-    planned = chosen.columns | still
-    joints = np.column_stack([planned[f"q{k}"] for k in range(1, fit.robot.joint_count + 1)])
+    still = np.zeros(len(rows))
+    numbers, passive = range(1, fit.robot.joint_count + 1), fit.robot.passive
+    joints = np.column_stack([still if k in passive else chosen.columns[f"q{k}"] for k in numbers])
     picture, said = arms_picture(fit, joints[:_MOST_SHOWN])
+    link = tag("a", "poses.csv", href="file?name=result", download="poses.csv")
     shown = tag(
         "div",
         [tag("p", sentence) for sentence in sentences],
-        tag(
-            "p",
-            tag("a", "poses.csv", href="file?name=result", download="poses.csv"),
-            ": all of them, to run.",
-        ),
+        tag("p", link, ": all of them, to run."),
         tag("figure", picture, tag("figcaption", said)),
         tag("div", table, class_="scroll", tabindex="0", role="region", aria_label="Planned poses"),
     )

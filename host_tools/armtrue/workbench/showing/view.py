@@ -8,13 +8,13 @@ from typing import Any
 import yaml
 
 from armtrue.candidates import entry_of
+from armtrue.candidates import name as named
 from armtrue.checking import warnings_of_fit
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
 from armtrue.io.catalogue import catalogue
-from armtrue.io.robot import Robot
 from armtrue.report.markup import Content, Markup, tag
-from armtrue.report.parts import ARCSECOND, listed, micrometres, typeset
+from armtrue.report.parts import ARCSECOND, folded, listed, micrometres, typeset
 from armtrue.units import plural
 from armtrue.verdicts import (
     ERROR_FIGURES,
@@ -36,7 +36,6 @@ from armtrue.workbench.session import Node, Session
 from armtrue.workbench.showing.elements import button
 from armtrue.workbench.showing.further import leave_out_form
 from armtrue.workbench.showing.left_out import left_out_part, left_out_row
-from armtrue.workbench.showing.names import named
 from armtrue.workbench.showing.words import length
 
 _SPLITS = {"random": "at random", "region": "by region", "time": "by time"}
@@ -62,9 +61,11 @@ def pieces(engine: Engine) -> dict[str, str]:
     diagnosis = None if first else session.diagnosis_of(session.at)
     path = [*session.path, *([first.node] if first else [])]
     fit = first.fit if first else session.fit_of(session.at)
+    # Of the fit about itself, and about the robot.yaml that was opened.
+    warnings = fit.document["warnings"] + warnings_of_fit(fit.document["measuring_from_base"], engine.robot)
     return {
         **always,
-        "notes": listed([*engine.notes, *_doubts(fit, engine.robot)]),
+        "notes": listed([*engine.notes, *dict.fromkeys(warnings)]),
         "error": _error(path, fit, first),
         "waterfall": _waterfall(path, first),
         "model": _model(path[-1]),
@@ -72,18 +73,11 @@ def pieces(engine: Engine) -> dict[str, str]:
         "verdict": _verdict(diagnosis) if diagnosis else _no_verdict(engine),
         "advice": _advice(diagnosis) if diagnosis else "",
         "history": tag("div", _history(session), _sessions(engine)),
-        "left-out": _left_out(session),
+        "left-out": left_out_part(session.node, len(session.fit_of(session.at).document["rejected"])),
         "leave-out": leave_out_form(session.fit_of(session.at)),
         "device": device_section(engine.device) or "",
         "result": engine.result.shown if engine.result else "",
     }
-
-
-def _doubts(fit: Fit, opened: Robot) -> list[str]:
-    """Warnings of the fit about itself, and about the robot.yaml that was opened."""
-    document = fit.document
-    doubts = warnings_of_fit(document["measuring_from_base"], opened)
-    return list(dict.fromkeys([*document["warnings"], *doubts]))
 
 
 def buttons(engine: Engine) -> dict[str, bool]:
@@ -108,16 +102,11 @@ def _opening(engine: Engine) -> Markup:
     drop = engine.drop
     if not drop.names:
         return tag("p", _HOW_TO_OPEN)
-    content: list[Content] = [listed(drop.names)]
-    if drop.guess is None:
-        content.append(button("Open", "open"))
-        if engine.is_open:
-            content += [" ", button("Compare with the model", "compare")]
-    else:
-        content += _guesses(drop, drop.guess)
-        if engine.is_open:
-            content += [" ", button("Compare with the model", "compare", source="form")]
-    return tag("div", content, " ", button("Put aside", "forget", class_="quiet"))
+    shown = _guesses(drop, drop.guess) if drop.guess else [button("Open", "open")]
+    if engine.is_open:
+        source = "form" if drop.guess else None
+        shown += [" ", button("Compare with the model", "compare", source=source)]
+    return tag("div", listed(drop.names), shown, " ", button("Put aside", "forget", class_="quiet"))
 
 
 def _guesses(drop: Drop, guess: Guess) -> list[Content]:
@@ -137,9 +126,8 @@ def _guesses(drop: Drop, guess: Guess) -> list[Content]:
         guess.picture,
         tag("h3", "What the check says"),
         findings_list(guess.findings),
-        tag(
-            "details",
-            tag("summary", "As dataset.yaml"),
+        folded(
+            "As dataset.yaml",
             tag("label", "change what the form does not have", for_="dataset"),
             tag("textarea", guess.text, id="dataset", rows="16", spellcheck="false"),
             button("Open with this text", "open", source="text"),
@@ -154,31 +142,18 @@ def _error(path: list[Node], fit: Fit, first: FirstFigures | None) -> Markup:
     source = str(fit.document["noise_floor"]["source"])
     words = FLOOR_SOURCES.get(source, source)
     held_out = {"random": node.error["held_out"], **(node.error.get("held_out_by") or {})}
-    rows: list[Content] = [
-        _error_row(f"held out {_SPLITS.get(split, split)}", figures)
-        for split, figures in held_out.items()
-        if figures
-    ]
-    rows.append(_error_row("training", node.error["train"]))
+    named = {f"held out {_SPLITS.get(split, split)}": figures for split, figures in held_out.items()}
+    named["training"] = node.error["train"]
+    rows: list[Content] = [_error_row(name, figures) for name, figures in named.items() if figures]
     rows.append(left_out_row(node, list(ERROR_FIGURES)))
     heads = [tag("th", name, scope="col") for name in ("", *ERROR_FIGURES.values())]
+    known = "not known" if floor is None else f"{micrometres(floor)} µm"
+    of_floor = [tag("b", known, class_="figure"), f" noise floor ({words})"]
+    of_some = f" ({first.words})" if first else None
+    of_model = [tag("b", length(node.mean_um), class_="figure"), " held-out mean error", of_some]
     return tag(
         "div",
-        tag(
-            "div",
-            tag(
-                "p",
-                tag("b", length(node.mean_um), class_="figure"),
-                " held-out mean error",
-                f" ({first.words})" if first else None,
-            ),
-            tag(
-                "p",
-                tag("b", "not known" if floor is None else f"{micrometres(floor)} µm", class_="figure"),
-                f" noise floor ({words})",
-            ),
-            class_="two-figures",
-        ),
+        tag("div", tag("p", of_model), tag("p", of_floor), class_="two-figures"),
         _bar(node.mean_um, floor, _largest(path)),
         tag(
             "table",
@@ -196,19 +171,15 @@ def _turns(node: Node) -> Markup | None:
     """The error of orientation; None where orientations were not measured."""
     if node.turn_error_rad is None:
         return None
-    figures = [
-        f"{name} {node.turn_error_rad[key] / ARCSECOND:.1f}″"
-        for key, name in zip(("mean", "rms", "p95", "max"), ERROR_FIGURES.values(), strict=True)
-    ]
+    names = zip(("mean", "rms", "p95", "max"), ERROR_FIGURES.values(), strict=True)
+    figures = [f"{name} {node.turn_error_rad[key] / ARCSECOND:.1f}″" for key, name in names]
     return tag("p", f"Error of orientation, training poses: {', '.join(figures)}", class_="about")
 
 
 def _error_row(name: str, figures: dict[str, float]) -> Markup:
-    cells = (
-        [tag("td", NOT_SCORED, colspan=len(ERROR_FIGURES))]
-        if scored_mean_um(figures) is None
-        else [tag("td", micrometres(figures[key])) for key in ERROR_FIGURES]
-    )
+    cells = [tag("td", NOT_SCORED, colspan=len(ERROR_FIGURES))]
+    if scored_mean_um(figures) is not None:
+        cells = [tag("td", micrometres(figures[key])) for key in ERROR_FIGURES]
     return tag("tr", tag("th", name, scope="row"), cells)
 
 
@@ -225,35 +196,23 @@ def _bar(mean: float | None, floor: float | None, whole: float) -> Markup:
 
 def _waterfall(path: list[Node], first: FirstFigures | None) -> Markup:
     whole = _largest(path)
-    steps = [
-        tag(
-            "li",
-            tag("span", node.name or node.change, class_="step"),
-            _bar(node.mean_um, node.noise_floor_um, whole),
-            tag("span", length(node.mean_um), class_="num"),
-            class_="first-figures" if first and node is first.node else None,
-        )
-        for node in path
-    ]
+    steps = []
+    for node in path:
+        name = tag("span", node.name or node.change, class_="step")
+        figure = tag("span", length(node.mean_um), class_="num")
+        kind = "first-figures" if first and node is first.node else None
+        steps.append(tag("li", name, _bar(node.mean_um, node.noise_floor_um, whole), figure, class_=kind))
     return tag("ol", steps, class_="waterfall-steps", aria_label="Steps")
 
 
 def _model(node: Node) -> Markup:
     entries = []
     for k, effect in enumerate(node.effects):
-        name = named(effect)
         info = catalogue().get(effect["effect"])
-        entries.append(
-            tag(
-                "li",
-                tag("span", name, id=f"model-{k}", title=info.summary if info else None),
-                tag(
-                    "span",
-                    button("Swap", "swaps", effect=k, aria_describedby=f"model-{k}", class_="quiet"),
-                    button("Remove", "remove", effect=k, aria_describedby=f"model-{k}"),
-                ),
-            )
-        )
+        name = tag("span", named(effect), id=f"model-{k}", title=info.summary if info else None)
+        swap = button("Swap", "swaps", effect=k, aria_describedby=f"model-{k}", class_="quiet")
+        remove = button("Remove", "remove", effect=k, aria_describedby=f"model-{k}")
+        entries.append(tag("li", name, tag("span", swap, remove)))
     return tag("ul", entries, aria_label="Model", role="list", class_="model")
 
 
@@ -280,23 +239,14 @@ def _candidate(k: int, candidate: dict[str, Any]) -> Markup:
     others = "; ".join(rivals[:_NAMED_RIVALS]) + more
     star = tag("span", " ★", class_="trend", title="recommended") if candidate["recommend"] else None
     name = named(candidate)
+    error = "–" if after is None else f"≈ {micrometres(after)} µm"
+    bar = tag("span", tag("span", style=f"width:{min(100.0, max(0.0, share)):.1f}%"), class_="share-bar")
     return tag(
         "tr",
         tag("th", tag("span", name, id=f"candidate-{k}"), star, scope="row"),
         tag("td", chance(candidate["probability"]), class_="num", data_label="probability"),
-        tag(
-            "td",
-            tag("span", tag("span", style=f"width:{min(100.0, max(0.0, share)):.1f}%"), class_="share-bar"),
-            tag("span", f"{share:.1f} %"),
-            class_="num",
-            data_label="explains",
-        ),
-        tag(
-            "td",
-            "–" if after is None else f"≈ {micrometres(after)} µm",
-            class_="num",
-            data_label="error if added",
-        ),
+        tag("td", bar, tag("span", f"{share:.1f} %"), class_="num", data_label="explains"),
+        tag("td", error, class_="num", data_label="error if added"),
         tag(
             "td",
             others or "–",
@@ -341,23 +291,16 @@ def _advice(diagnosis: dict[str, Any]) -> Markup:
     untestable = [
         f"{entry['effect']} needs {needs_words(entry['needs'])}" for entry in diagnosis["untestable"]
     ]
-    more = tag(
-        "details",
-        tag("summary", plural(len(untestable), "effect") + " not testable with what was recorded"),
-        listed(untestable),
-    )
-    advice = [
-        typeset(line).replace("armtrue plan", "Plan poses")
-        for line in diagnosis["advice"]
-        if not any(word in line for word in _SAID_ELSEWHERE)
-    ]
+    words = f"{plural(len(untestable), 'effect')} not testable with what was recorded"
+    here = [line for line in diagnosis["advice"] if not any(word in line for word in _SAID_ELSEWHERE)]
+    advice = [typeset(line).replace("armtrue plan", "Plan poses") for line in here]
     rest = advice[_SHOWN_ADVICE:]
     return tag(
         "div",
         listed([typeset(line) for line in unexplained]) if unexplained else None,
         listed(advice[:_SHOWN_ADVICE]) if advice else None,
-        tag("details", tag("summary", f"{len(rest)} more like this"), listed(rest)) if rest else None,
-        more if untestable else None,
+        folded(f"{len(rest)} more like this", listed(rest)) if rest else None,
+        folded(words, listed(untestable)) if untestable else None,
     )
 
 
@@ -366,28 +309,15 @@ def _history(session: Session) -> Markup:
         here = node.number == session.at
         name = node.name or node.change
         go = button(name, "go", node=node.number, aria_current="step" if here else None)
-        beside = button(
-            "Side by side", "beside", node=node.number, class_="quiet",
-            aria_label=f"{name} side by side with the model shown",
-        )  # fmt: skip
-        below = [branch(child) for child in session.children(node.number)]
-        return tag(
-            "li",
-            go,
-            tag("span", f" {length(node.mean_um)}", class_="num"),
-            None if here else beside,
-            tag("ul", below) if below else None,
-        )
+        spoken = f"{name} side by side with the model shown"
+        beside = button("Side by side", "beside", node=node.number, class_="quiet", aria_label=spoken)
+        figure = tag("span", f" {length(node.mean_um)}", class_="num")
+        children = [branch(child) for child in session.children(node.number)]
+        return tag("li", go, figure, None if here else beside, tag("ul", children) if children else None)
 
+    field = tag("input", id="model-name", maxlength="80", value=session.node.name)
     name = tag(
-        "p",
-        tag(
-            "label",
-            "This model is called ",
-            tag("input", id="model-name", maxlength="80", value=session.node.name),
-        ),
-        " ",
-        button("Name", "name", node=session.at),
+        "p", tag("label", "This model is called ", field), " ", button("Name", "name", node=session.at)
     )
     return tag("div", tag("ul", branch(session.nodes[0]), class_="tree", aria_label="History"), name)
 
@@ -402,9 +332,3 @@ def _sessions(engine: Engine) -> Markup | None:
         words = f"{opened.data.file.name}: {opened.data.count} measurements, {plural(len(session.nodes), 'model')}"
         entries.append(button(words, "switch", session=k, aria_current="true" if here else None))
     return tag("div", tag("h3", "Before and after measurements joined"), listed(entries))
-
-
-def _left_out(session: Session) -> Markup:
-    rejected = len(session.fit_of(session.at).document["rejected"])
-    again = button("Let all rows take part again", "leave_out", rows="[]")
-    return left_out_part(session.node, rejected, again)

@@ -1,7 +1,10 @@
-"""Sentences about errors and rows; without a figure where no pose could be scored."""
+"""Sentences about changes, errors and rows; without a figure where no pose could be scored."""
 
 from __future__ import annotations
 
+from typing import Any
+
+from armtrue.candidates import name
 from armtrue.report.parts import minus
 from armtrue.units import plural
 from armtrue.verdicts import NOT_SCORED
@@ -34,6 +37,13 @@ def first_words(mean_um: float | None) -> str:
     if mean_um is None:
         return f"The model is fitted. {fall_words(None, None)}"
     return f"The model is fitted. The held-out mean error is {mean_um:.1f} µm."
+
+
+def change_words(added: list[dict[str, Any]], removed: list[dict[str, Any]]) -> str:
+    """`added gear_harmonics 3; removed backlash 2`."""
+    return "; ".join(
+        [f"added {name(entry)}" for entry in added] + [f"removed {name(entry)}" for entry in removed]
+    )
 
 
 def rows_words(rows: list[int], before: list[int] | None) -> str:
