@@ -11,6 +11,7 @@ from typing import Any
 
 from armtrue.errors import InputError
 from armtrue.foreign.sheets import Sheet, read_sheet, split_unit, to_float
+from armtrue.io.columns import UNITS
 from armtrue.io.delimited import is_number
 from armtrue.io.urdf import parse_urdf
 from armtrue.units import plural
@@ -129,14 +130,26 @@ def dh_rows(table: Path) -> tuple[list[dict[str, Any]], list[str]]:
     widest = max(map(abs, values["alpha"] + values.get("offset", [])))
     length = sheet.units.get(columns["a"]) or ("mm" if longest > _LONGEST_M else "m")
     angle = sheet.units.get(columns["alpha"]) or ("deg" if widest > 2.0 * math.pi else "rad")
-    scale = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "deg": math.pi / 180.0, "rad": 1.0}
-    factors = {"a": length, "d": length, "alpha": angle, "offset": angle}
-    in_si = {own: [v * scale.get(factors.get(own, "m"), 1.0) for v in values[own]] for own in values}
+    usual = {"a": length, "d": length, "alpha": angle, "offset": angle}
+    scale = {
+        own: _factor(sheet.units.get(columns[own]) or unit, "length" if own in "ad" else "angle", table)
+        for own, unit in usual.items()
+        if own in columns
+    }
+    in_si = {own: [v * scale.get(own, 1.0) for v in values[own]] for own in values}
     rows: list[dict[str, Any]] = [{own: in_si[own][k] for own in in_si} for k in range(len(sheet.rows))]
     for row, kind in zip(rows, types, strict=True):
         if kind == "prismatic":
             row |= {"type": kind, "theta": row.pop("offset", 0.0)}
     return rows, [f"{table.name}: lengths in {length}, angles in {angle}"]
+
+
+def _factor(unit: str, kind: str, table: Path) -> float:
+    """What one of `unit` is in SI. Errors: InputError for a unit that is none of `kind`, length or angle."""
+    known = {name: factor for name, (of, factor, _) in UNITS.items() if of == kind}
+    if unit not in known:
+        raise InputError(f"{table} header: found the unit '{unit}', expected one of {', '.join(known)}")
+    return known[unit]
 
 
 def _types(sheet: Sheet, name: str | None, table: Path) -> list[str]:

@@ -344,8 +344,11 @@ class _Clock:
         """The clock of the fit in `document`, as predict reads it: without an origin it begins at 0."""
         if not document:
             return _Clock(None)
-        ranges = document.get("data", {}).get("ranges", {})  # fits by older versions have none
-        return _Clock(float(document.get("time_origin_s", 0.0)), ranges.get("time", [None])[-1])
+        try:
+            last = float(document["data"]["ranges"]["time"][1])
+        except (KeyError, IndexError, TypeError, ValueError):  # fits by older versions have no ranges
+            last = None
+        return _Clock(float(document.get("time_origin_s", 0.0)), last)
 
     def notes(self, times: Array, file: str) -> list[str]:
         """How `times` of POSES are read, and how many of them are outside the fitted session."""
