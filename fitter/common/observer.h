@@ -7,8 +7,8 @@
 
 namespace armtrue {
 
-/// Receives progress reports, always from the thread that runs the computation, never from the
-/// workers of in_parallel.
+/// Receives progress reports (this one ignores them), always from the thread that runs the
+/// computation, never from the workers of in_parallel.
 class Observer {
  public:
   Observer() = default;
@@ -16,10 +16,9 @@ class Observer {
   Observer& operator=(const Observer&) = delete;
   virtual ~Observer() = default;
 
-  /// `share`: done so far, 0 to 1; `stage`: the current step, in words.
-  virtual void report(double share, const std::string& stage) = 0;
+  /// The share done so far, 0 to 1, and the current step, in words.
+  virtual void report(double, const std::string&) {}
 
-  /// An observer that ignores all reports.
   static Observer& none();
 };
 

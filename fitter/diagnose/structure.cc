@@ -242,17 +242,17 @@ void draw_curve(StructureFinding& finding, const std::vector<const StructureVari
   const StructureVariable& first = *variables.front();
   const auto& parameters = finding.block.terms.parameters;
   finding.x.clear();
-  finding.y.clear();
-  for (int i = 0; i <= kDrawn; ++i) {
-    const double x = first.middle + first.half * (2.0 * i / kDrawn - 1.0);
-    double y = 0.0;
-    for (std::size_t p = 0; p < parameters.size(); ++p) {
-      y += finding.score.beyond[p] *
-           parameters[p].terms.front().basis.evaluate(
-               [&](const std::string& name) { return name == first.name ? x : second; });
-    }
-    finding.x.push_back(x);
-    finding.y.push_back(y);
+  for (int i = 0; i <= kDrawn; ++i)
+    finding.x.push_back(first.middle + first.half * (2.0 * i / kDrawn - 1.0));
+  finding.y.assign(finding.x.size(), 0.0);
+  const std::vector<double> held{second};
+  for (std::size_t p = 0; p < parameters.size(); ++p) {
+    const std::vector<double> values = parameters[p].terms.front().basis.evaluate(
+        finding.x.size(), [&](const std::string& name) -> const std::vector<double>& {
+          return name == first.name ? finding.x : held;
+        });
+    for (std::size_t i = 0; i < values.size(); ++i)
+      finding.y[i] += finding.score.beyond[p] * values[i];
   }
 }
 

@@ -50,12 +50,13 @@ std::set<std::string> options_on(const std::vector<EffectRequest>& tried, int jo
 }
 
 TEST(SelfHeating, CandidatesUseTheDutyIfRecordedElseAThermometer) {
-  const std::set<std::string> bare{R"({"tau":500.0})", R"({"tau":1000.0})", R"({"tau":2000.0})",
-                                   R"({"tau":4000.0})"};
+  std::set<std::string> bare;
+  for (const char* tau : {"500", "700", "1000", "1400", "2000", "2800", "4000"})
+    bare.insert(std::string(R"({"tau":)") + tau + ".0}");
   EXPECT_EQ(options_on(Recorded(true, true).tried("self_heating"), 3), bare);
   EXPECT_EQ(options_on(Recorded(false).tried("self_heating"), 2), bare);
   const auto warm = options_on(Recorded(true).tried("self_heating"), 2);
-  EXPECT_EQ(warm.size(), 4u);
+  EXPECT_EQ(warm.size(), 7u);
   EXPECT_TRUE(warm.contains(R"({"sensor":"arm","tau":500.0})"));
 }
 

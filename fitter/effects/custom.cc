@@ -8,25 +8,22 @@ namespace {
 
 class Custom final : public Effect {
  public:
-  std::string id() const override { return "custom"; }
-  std::string summary() const override {
-    return "a user's own term: a name, a coordinate, an expression of the state";
-  }
-  Role role() const override { return Role::kCustom; }
-  JointRule joint_rule() const override { return JointRule::kEach; }
-  std::string bound_text() const override { return "the user's: key bound, none by default"; }
-
-  std::vector<EffectOption> options() const override {
-    return {
-        {"name", "string", "what to call it"},
-        {"coordinate", "string", "where it acts: motorK, base.C, linkK.C, tool.C"},
-        {"expression", "string", "basis function of the state (docs/model.md)"},
-        {"parameters", "{name: value}",
-         "numbers in the expression to be found from the data, with their initial values"},
-        {"unit", "string", "unit of the coefficient"},
-        {"bound", "number", "largest physical magnitude of the coefficient"},
-        {"measurement", "bool", "true where it belongs to the measurement and is not exported"}};
-  }
+  Custom()
+      : Effect(
+            {.id = "custom",
+             .summary = "a user's own term: a name, a coordinate, an expression of the state",
+             .bound = "the user's: key bound, none by default",
+             .role = Role::kCustom,
+             .options = {
+                 {"name", "string", "what to call it"},
+                 {"coordinate", "string", "where it acts: motorK, base.C, linkK.C, tool.C"},
+                 {"expression", "string", "basis function of the state (docs/model.md)"},
+                 {"parameters", "{name: value}",
+                  "numbers in the expression to be found from the data, with their initial values"},
+                 {"unit", "string", "unit of the coefficient"},
+                 {"bound", "number", "largest physical magnitude of the coefficient"},
+                 {"measurement", "bool",
+                  "true where it belongs to the measurement and is not exported"}}}) {}
 
   std::vector<int> default_joints(const EffectContext&) const override { return {}; }
 
@@ -63,15 +60,8 @@ class Custom final : public Effect {
     std::map<std::string, std::string> unique;
     for (const std::string& variable : term.basis.variables()) {
       if (const auto found = known.find(variable); found != known.end()) {
-        const double span = 10.0 * std::max(std::abs(found->second), 1e-6);
-        terms.nonlinear.push_back({variable,
-                                   id(),
-                                   {},
-                                   "1",
-                                   found->second,
-                                   found->second - span,
-                                   found->second + span,
-                                   {}});
+        const double start = found->second, span = 10.0 * std::max(std::abs(start), 1e-6);
+        terms.nonlinear.push_back({variable, id(), {}, "1", start, start - span, start + span, {}});
       } else if (!context.state.has(variable)) {
         throw ModelError(
             "effect custom '" + name + "': '" + variable +

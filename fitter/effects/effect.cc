@@ -40,12 +40,6 @@ std::string component_words(int component) {
   return (component < 3 ? "shift along " : "turn about ") + axis;
 }
 
-std::vector<int> all_joints(const EffectContext& context) {
-  std::vector<int> joints(static_cast<std::size_t>(context.joint_count()));
-  std::iota(joints.begin(), joints.end(), 1);
-  return joints;
-}
-
 // Whether drive_rule() allows a passive joint at this place of a request.
 bool may_be_passive(const Effect& effect, std::size_t place) {
   return effect.drive_rule() == DriveRule::kNone ||
@@ -114,19 +108,11 @@ void name_thermometer(const EffectContext& context, EffectTerms& terms) {
   const std::string first = "dT_" + context.state.sensors().front();
   const std::map<std::string, Expression> names{{"dT", Expression::variable(first)}};
   for (Parameter& p : terms.parameters) {
-    for (Term& term : p.terms) {
-      term.basis = term.basis.substitute(names);
-      if (!term.table) continue;
-      for (TableReference::Axis& axis : term.table->axes) {
-        if (axis.variable == "dT") axis.variable = first;
-      }
-    }
+    for (Term& term : p.terms) term.basis = term.basis.substitute(names);
   }
 }
 
 }  // namespace
-
-const char* const kComponentNames[6] = {"tx", "ty", "tz", "rx", "ry", "rz"};
 
 void register_effect(std::unique_ptr<Effect> effect) { storage().push_back(std::move(effect)); }
 
@@ -160,6 +146,11 @@ const Effect& find_effect(const std::string& id) {
                                : ", expected one of the contract's effect ids"));
 }
 
+Effect::Effect(EffectTraits traits) : traits_(std::move(traits)) {
+  if (traits_.by_sensor)
+    traits_.options.push_back({"sensor", "string", "temperature sensor, default the first"});
+}
+
 std::string Effect::describe(const Parameter& p) const {
   if (p.terms.empty() || (role() != Role::kPlacement && role() != Role::kGeometry)) return p.name;
   const Coordinate& at = p.terms.front().coordinate;
@@ -191,20 +182,65 @@ std::vector<EffectRequest> Effect::tried(const EffectContext& context) const {
   return result;
 }
 
-std::vector<int> Effect::default_joints(const EffectContext& context) const {
-  return joint_rule() == JointRule::kNone ? std::vector<int>{} : all_joints(context);
+std::vector<int> Effect::joints_that_move_so(const EffectContext& context) const {
+  std::vector<int> joints;
+  for (int k = 1; k <= context.joint_count(); ++k) {
+    if (traits_.motion == Motion::kAny ||
+        context.prismatic(k) == (traits_.motion == Motion::kSliding))
+      joints.push_back(k);
+  }
+  return joints;
 }
 
-std::vector<std::string> Effect::missing(const EffectContext&, const std::vector<int>&) const {
-  return {};
+std::vector<int> Effect::default_joints(const EffectContext& context) const {
+  return joint_rule() == JointRule::kNone ? std::vector<int>{} : joints_that_move_so(context);
+}
+
+std::vector<std::string> Effect::missing(const EffectContext& context,
+                                         const std::vector<int>& joints) const {
+  std::vector<std::string> lacking;
+  const auto need = [&](const std::string& column) {
+    if (!context.state.has(column)) lacking.push_back(column);
+  };
+  if (traits_.by_sensor && context.state.sensors().empty()) lacking.emplace_back("temp_NAME");
+  for (const std::string& column : traits_.columns) need(column);
+  if (traits_.motion == Motion::kSliding && joints.empty())
+    lacking.emplace_back("a joint that slides");
+  for (const int k : joints) {
+    const std::string number = std::to_string(k);
+    if (traits_.motion == Motion::kSliding && !context.prismatic(k))
+      lacking.push_back("joint " + number + " that slides");
+    if (traits_.motion == Motion::kTurning && context.prismatic(k))
+      lacking.push_back("a revolute joint " + number);
+    for (const std::string& stem : traits_.joint_columns) need(stem + number);
+  }
+  return lacking;
 }
 
 std::vector<EffectRequest> Effect::candidates(const EffectContext& context) const {
-  if (joint_rule() == JointRule::kNone || joint_rule() == JointRule::kFixed)
-    return {{id(), default_joints(context)}};
+  std::vector<EffectRequest> requests;
+  if (joint_rule() != JointRule::kEach) requests.push_back({id(), default_joints(context)});
+  if (joint_rule() == JointRule::kEach || joint_rule() == JointRule::kAll) {
+    for (const int joint : joints_that_move_so(context)) requests.push_back({id(), {joint}});
+  }
+  if (!traits_.by_sensor) return requests;
   std::vector<EffectRequest> result;
-  for (const int joint : all_joints(context)) result.push_back({id(), {joint}});
+  for (const std::string& sensor : context.state.sensors()) {
+    for (EffectRequest request : requests) {
+      request.options["sensor"] = sensor;
+      result.push_back(std::move(request));
+    }
+  }
   return result;
+}
+
+Parameter& Effect::add(EffectTerms& terms, const std::vector<int>& joints,
+                       const std::string& suffix, const std::string& unit, double bound,
+                       Coordinate coordinate, const std::string& expression) const {
+  Parameter& p = terms.parameters.emplace_back(
+      single_term(id(), joints, suffix, unit, bound, coordinate, expression));
+  p.exported = exported();
+  return p;
 }
 
 EffectTerms build_effect(const EffectContext& context, const EffectRequest& given) {
@@ -212,7 +248,7 @@ EffectTerms build_effect(const EffectContext& context, const EffectRequest& give
   EffectRequest request = given;
   if (request.joints.empty()) request.joints = effect.joints_of_bare_entry(context);
   check_joints(context, effect, request.joints);
-  const std::vector<EffectOption> known = effect.options();
+  const std::vector<EffectOption>& known = effect.options();
   for (const auto& option : request.options.items()) {
     const std::string& key = option.key();
     const bool found = std::any_of(known.begin(), known.end(),
@@ -264,14 +300,16 @@ Parameter single_term(const std::string& effect, const std::vector<int>& joints,
   // Three bounds wide: it limits parameters that the data do not determine, without affecting those
   // that they do.
   p.prior_sigma = 3.0 * bound;
-  p.terms.push_back(Term{coordinate, Expression::parse(expression), 1.0, std::nullopt});
+  p.terms.push_back(Term{coordinate, Expression::parse(expression)});
   return p;
 }
 
-Eigen::Vector3d nominal_lengths(const Robot& robot, int link) {
-  const int n = robot.joint_count();
-  if (link == n) return robot.end.translation();
-  return robot.joints[static_cast<std::size_t>(link)].fixed.translation();
+std::string number_or_unknown(const EffectRequest& request, const NonlinearParameter& unknown,
+                              EffectTerms& terms) {
+  if (request.options.contains(unknown.option))
+    return Expression::number(request.options[unknown.option].get<double>()).to_string();
+  terms.nonlinear.push_back(unknown);
+  return unknown.name;
 }
 
 double mean_of(const EffectContext& context, const std::string& variable) {
@@ -333,6 +371,15 @@ bool carries_gravity(const EffectContext& context, int joint) {
   constexpr double kLeastLoad = 0.1;  // [Nm/kg]: a lever of 1 cm, or a nearly vertical axis
   const double load = gravity_load(context, joint);
   return load > kLeastLoad * std::sqrt(static_cast<double>(context.state.rows()));
+}
+
+bool are_parallel(const EffectContext& context, int first, int last) {
+  for (int k = first; k <= last; ++k) {
+    if (context.prismatic(k)) return false;
+    const Pose& fixed = context.robot().joints[static_cast<std::size_t>(k - 1)].fixed;
+    if (k > first && std::abs(fixed.linear()(2, 2)) < 1.0 - 1e-6) return false;
+  }
+  return true;
 }
 
 std::string temperature_variable(const EffectRequest& request) {

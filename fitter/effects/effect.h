@@ -26,8 +26,8 @@ struct GeometryPriors {
 /// behind the drive looks like a lead.
 inline constexpr double kCountedOtherwise = 0.05;
 
-/// Effect::relative_odds of what data sheets state and hardly any arm is exactly: masses, and a
-/// level base. Ours: 4 makes the odds 0.12.
+/// EffectTraits::relative_odds of what data sheets state and hardly any arm is exactly: masses, and
+/// a level base. Ours: 4 makes the odds 0.12.
 inline constexpr double kOnMostArms = 4.0;
 
 /// A spring that a fit has found: where it yields, to which load, and by how much: compliance ·
@@ -109,27 +109,55 @@ enum class Role {
   kCustom        ///< defined by the user
 };
 
-class Effect {
- public:
-  virtual ~Effect() = default;
+/// Joints that an effect can be on, by how they move.
+enum class Motion { kAny, kTurning, kSliding };
 
-  virtual std::string id() const = 0;
-  virtual std::string summary() const = 0;
-  virtual Role role() const { return Role::kPhysical; }
-  virtual JointRule joint_rule() const = 0;
-  virtual DriveRule drive_rule() const { return DriveRule::kNone; }
-  virtual std::vector<EffectOption> options() const { return {}; }
-  /// False if the effect belongs to the measurement and not to the arm.
-  bool exported() const { return role() != Role::kPlacement && role() != Role::kMeasurement; }
-  /// Physical bound on size and sign, with its source, as text for users.
-  virtual std::string bound_text() const = 0;
-
+/// What an effect is, in words and rules. Its constructor hands this to the base class.
+struct EffectTraits {
+  std::string id, summary;
+  std::string bound;  ///< physical bound on size and sign, with its source, as text for users
+  Role role = Role::kPhysical;
+  JointRule joints = JointRule::kEach;
+  DriveRule drives = DriveRule::kNone;
+  Motion motion = Motion::kAny;
+  std::vector<EffectOption> options{};
   /// Options that tried() steps through but a fit determines by itself: left out when the effect is
   /// added to a model.
-  virtual std::vector<std::string> searched_options() const { return {}; }
+  std::vector<std::string> searched{};
   /// Options that distinguish two findings of one effect on one joint, and are part of its label;
   /// the other options are forms of one finding.
-  virtual std::vector<std::string> told_apart_by() const { return {}; }
+  std::vector<std::string> told_apart{};
+  std::vector<std::string> columns{};        ///< variables that it reads: "time"
+  std::vector<std::string> joint_columns{};  ///< those of each of its joints: "dir" for dir2
+  bool by_sensor = false;  ///< reads one temperature: option `sensor`; candidates have each sensor
+  double relative_odds = 1.0;  ///< prior odds of presence relative to those of other effects
+  /// The terms depend on EffectContext::springs: the fit is then repeated until these no longer
+  /// change.
+  bool reads_springs = false;
+  bool reads_carried = false;  ///< the terms depend on EffectContext::carried
+};
+
+class Effect {
+ public:
+  explicit Effect(EffectTraits traits);
+  virtual ~Effect() = default;
+
+  const std::string& id() const { return traits_.id; }
+  const std::string& summary() const { return traits_.summary; }
+  const std::string& bound_text() const { return traits_.bound; }
+  Role role() const { return traits_.role; }
+  JointRule joint_rule() const { return traits_.joints; }
+  DriveRule drive_rule() const { return traits_.drives; }
+  const std::vector<EffectOption>& options() const { return traits_.options; }
+  const std::vector<std::string>& searched_options() const { return traits_.searched; }
+  const std::vector<std::string>& told_apart_by() const { return traits_.told_apart; }
+  double relative_odds() const { return traits_.relative_odds; }
+  bool reads_springs() const { return traits_.reads_springs; }
+  bool reads_carried() const { return traits_.reads_carried; }
+  bool generic() const { return role() == Role::kTable; }
+  /// False if the effect belongs to the measurement and not to the arm.
+  bool exported() const { return role() != Role::kPlacement && role() != Role::kMeasurement; }
+
   /// Next finer forms of a request with options that held-out error chooses. If the request leaves
   /// them open: only the coarsest form. Otherwise the forms one step finer, none if the data
   /// support no more. Empty for effects without such options.
@@ -143,22 +171,13 @@ class Effect {
   }
   /// The load that the effect carries, if any. Terms that add to that load are hardly this effect.
   virtual std::optional<CarriedLoad> carries() const { return std::nullopt; }
-  bool generic() const { return role() == Role::kTable; }
-  /// Prior odds of presence relative to those of other kinds of effects.
-  virtual double relative_odds() const { return 1.0; }
-
-  /// True if the terms depend on EffectContext::springs: the fit is then repeated until these no
-  /// longer change.
-  virtual bool reads_springs() const { return false; }
-  /// True if the terms depend on EffectContext::carried.
-  virtual bool reads_carried() const { return false; }
 
   /// Joints of an entry that names none.
   std::vector<int> joints_of_bare_entry(const EffectContext& context) const;
   /// Requests that the diagnosis tries, each independently.
   std::vector<EffectRequest> tried(const EffectContext& context) const;
   /// Columns to record (or keys of robot.yaml to state) before the effect can be used on these
-  /// joints; empty: none.
+  /// joints; empty: none. Default: what the traits need.
   virtual std::vector<std::string> missing(const EffectContext& context,
                                            const std::vector<int>& joints) const;
   /// A parameter in common words: "axis 2's zero"; its name if there are none.
@@ -173,11 +192,22 @@ class Effect {
   /// Terms for validated joints.
   virtual EffectTerms build(const EffectContext& context, const EffectRequest& request) const = 0;
 
+  /// Adds a parameter with one term to `terms`; the reference is valid until the next is added.
+  Parameter& add(EffectTerms& terms, const std::vector<int>& joints, const std::string& suffix,
+                 const std::string& unit, double bound, Coordinate coordinate,
+                 const std::string& expression) const;
+
  protected:
   /// Joints and requests for joints_of_bare_entry() and tried(), which remove those that
-  /// drive_rule() does not allow. Default: all joints, and one request for each of them.
+  /// drive_rule() does not allow. Default: all joints that move as the traits say, and one request
+  /// for each of them.
   virtual std::vector<int> default_joints(const EffectContext& context) const;
   virtual std::vector<EffectRequest> candidates(const EffectContext& context) const;
+
+ private:
+  std::vector<int> joints_that_move_so(const EffectContext& context) const;
+
+  EffectTraits traits_;
 };
 
 /// All effects, sorted by id.
@@ -201,7 +231,6 @@ struct RegisterEffect {
 Coordinate motor(int joint);
 Coordinate on_link(int joint, int component);
 Coordinate on_base(int component);
-extern const char* const kComponentNames[6];
 
 /// "effect[2,3].suffix"; "effect.suffix" without joints.
 std::string parameter_name(const std::string& effect, const std::vector<int>& joints,
@@ -212,15 +241,19 @@ Parameter single_term(const std::string& effect, const std::vector<int>& joints,
                       const std::string& suffix, const std::string& unit, double bound,
                       Coordinate coordinate, const std::string& expression);
 
-/// Nominal lengths of link k (1…n, from frame k to the next joint) and of the base (k = 0), in that
-/// frame [m].
-Eigen::Vector3d nominal_lengths(const Robot& robot, int link);
+/// The text of option `unknown.option` of a request. If the request leaves it open, `unknown` is
+/// added to the terms, and the text is its name.
+std::string number_or_unknown(const EffectRequest& request, const NonlinearParameter& unknown,
+                              EffectTerms& terms);
 
 /// Joints that gravity loads: 2 and 3 on a six-axis arm; otherwise those with at least a fifth of
 /// the largest gravity torque.
 std::vector<int> gravity_loaded_joints(const EffectContext& context);
 /// False if gravity makes no torque about the joint for any masses: its axis is vertical.
 bool carries_gravity(const EffectContext& context, int joint);
+
+/// Whether joints `first` to `last` all turn, about axes that are parallel at any joint angles.
+bool are_parallel(const EffectContext& context, int first, int last);
 
 /// Largest magnitude of a state variable over the rows.
 double largest_of(const EffectContext& context, const std::string& variable);

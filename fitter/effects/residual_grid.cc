@@ -2,6 +2,7 @@
 #include <cmath>
 #include <functional>
 #include <numeric>
+#include <set>
 
 #include "fitter/effects/tables.h"
 
@@ -13,19 +14,15 @@ namespace {
 // third level; frame 1 turns with them.
 class ResidualGrid final : public Effect {
  public:
-  std::string id() const override { return "residual_grid"; }
-  std::string summary() const override {
-    return "what no effect explains: multilinear grid over joints 1 to 3";
-  }
-  Role role() const override { return Role::kTable; }
-  JointRule joint_rule() const override { return JointRule::kNone; }
-  std::string bound_text() const override {
-    return "2 mm: the multilevel paper (ABB IRB2400); more than that is geometry that was not "
-           "fitted";
-  }
-  std::vector<EffectOption> options() const override {
-    return {{"nodes", "[int]", "nodes over joints 1, 2, 3; default chosen by cross-validation"}};
-  }
+  ResidualGrid()
+      : Effect({.id = "residual_grid",
+                .summary = "what no effect explains: multilinear grid over joints 1 to 3",
+                .bound = "2 mm: the multilevel paper (ABB IRB2400); more than that is geometry "
+                         "that was not fitted",
+                .role = Role::kTable,
+                .joints = JointRule::kNone,
+                .options = {{"nodes", "[int]",
+                             "nodes over joints 1, 2, 3; default chosen by cross-validation"}}}) {}
 
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     const int axes = std::min(3, context.joint_count());
@@ -90,35 +87,30 @@ class ResidualGrid final : public Effect {
     return std::vector<int>(static_cast<std::size_t>(axes), std::clamp(side, 3, 8));
   }
 
+  using Index = std::vector<int>;  // of a node, by axis
+
   // Nodes without a measurement in their cells are left out: there the grid is zero.
-  static std::vector<bool> covered_nodes(const EffectContext& context,
-                                         const TableReference& table) {
-    std::size_t size = 1;
-    for (const auto& axis : table.axes) size *= axis.nodes.size();
-    std::vector<bool> covered(size, false);
+  static std::set<Index> covered_nodes(const EffectContext& context, const TableReference& table) {
+    std::set<Index> covered;
     const std::size_t axes = table.axes.size();
     for (std::size_t row = 0; row < context.state.rows(); ++row) {
-      std::vector<std::size_t> cell(axes);
-      for (std::size_t a = 0; a < axes; ++a) {
-        const auto& nodes = table.axes[a].nodes;
-        const double q = context.state.column(table.axes[a].variable)[row];
-        const double at = nodes.size() > 1 ? (q - nodes.front()) / (nodes[1] - nodes[0]) : 0.0;
-        cell[a] = static_cast<std::size_t>(
-            std::clamp(at, 0.0, static_cast<double>(nodes.size()) - 1.001));
-      }
       for (std::size_t corner = 0; corner < (std::size_t{1} << axes); ++corner) {
-        std::size_t flat = 0;
+        Index index;
         for (std::size_t a = 0; a < axes; ++a) {
-          flat = flat * table.axes[a].nodes.size() +
-                 std::min(cell[a] + ((corner >> a) & 1U), table.axes[a].nodes.size() - 1);
+          const auto& nodes = table.axes[a].nodes;
+          const double q = context.state.column(table.axes[a].variable)[row];
+          const double at = nodes.size() > 1 ? (q - nodes.front()) / (nodes[1] - nodes[0]) : 0.0;
+          const int last = static_cast<int>(nodes.size()) - 1;
+          const int cell = static_cast<int>(std::clamp(at, 0.0, last - 0.001));
+          index.push_back(std::min(cell + static_cast<int>((corner >> a) & 1U), last));
         }
-        covered[flat] = true;
+        covered.insert(std::move(index));
       }
     }
     return covered;
   }
 
-  static std::string node_name(const std::vector<int>& index, int component) {
+  static std::string node_name(const Index& index, int component) {
     std::string name;
     for (const int i : index) name += std::to_string(i + 1) + "_";
     return parameter_name("residual_grid", {}, "node" + name + kComponentNames[component]);
@@ -126,26 +118,10 @@ class ResidualGrid final : public Effect {
 
   EffectTerms grid_terms(const EffectContext& context, const TableReference& table) const {
     EffectTerms terms;
-    const std::vector<bool> covered = covered_nodes(context, table);
+    const std::set<Index> covered = covered_nodes(context, table);
     const std::size_t axes = table.axes.size();
-    const auto index_of = [&](std::size_t flat) {
-      std::vector<int> index(axes);
-      for (std::size_t a = axes; a-- > 0;) {
-        index[a] = static_cast<int>(flat % table.axes[a].nodes.size());
-        flat /= table.axes[a].nodes.size();
-      }
-      return index;
-    };
-    const auto flat_of = [&](const std::vector<int>& index) {
-      std::size_t flat = 0;
-      for (std::size_t a = 0; a < axes; ++a)
-        flat = flat * table.axes[a].nodes.size() + static_cast<std::size_t>(index[a]);
-      return flat;
-    };
     std::vector<Penalty> mean(3);
-    for (std::size_t flat = 0; flat < covered.size(); ++flat) {
-      if (!covered[flat]) continue;
-      const std::vector<int> index = index_of(flat);
+    for (const Index& index : covered) {
       std::string basis;
       for (std::size_t a = 0; a < axes; ++a) {
         if (table.axes[a].nodes.size() < 2) continue;
@@ -154,29 +130,23 @@ class ResidualGrid final : public Effect {
                                                         static_cast<std::size_t>(index[a]));
       }
       for (int c = 0; c < 3; ++c) {
-        Parameter p =
-            single_term(id(), {}, "", "m", kLargest, on_link(1, c), basis.empty() ? "1" : basis);
+        Parameter& p =
+            add(terms, {}, "", "m", kLargest, on_link(1, c), basis.empty() ? "1" : basis);
         p.name = node_name(index, c);
         p.terms.front().table = table;
         p.terms.front().table->id += std::string(".") + kComponentNames[c];
         p.terms.front().table->index = index;
         mean[static_cast<std::size_t>(c)].row.emplace_back(p.name, 1.0);
         terms.penalties.push_back(value_penalty(p.name, kValue));
-        terms.parameters.push_back(std::move(p));
       }
       for (std::size_t a = 0; a < axes; ++a) {
-        std::vector<int> before = index, after = index;
+        Index before = index, after = index;
         before[a] -= 1;
         after[a] += 1;
-        if (before[a] < 0 || after[a] >= static_cast<int>(table.axes[a].nodes.size())) continue;
-        if (!covered[flat_of(before)] || !covered[flat_of(after)]) continue;
+        if (!covered.contains(before) || !covered.contains(after)) continue;
         for (int c = 0; c < 3; ++c) {
-          Penalty smooth;
-          smooth.smoothness = true;
-          smooth.sigma = kSecondDifference;
-          smooth.row = {
-              {node_name(before, c), 1.0}, {node_name(index, c), -2.0}, {node_name(after, c), 1.0}};
-          terms.penalties.push_back(smooth);
+          terms.penalties.push_back(
+              curvature_penalty(node_name(before, c), node_name(index, c), node_name(after, c)));
         }
       }
     }

@@ -29,12 +29,13 @@ std::vector<double> nodes_over(const std::vector<double>& values, double spacing
   return nodes;
 }
 
+Penalty curvature_penalty(const std::string& before, const std::string& at,
+                          const std::string& after) {
+  return {{{before, 1.0}, {at, -2.0}, {after, 1.0}}, 1.0, true, ""};
+}
+
 Penalty value_penalty(const std::string& parameter, double sigma) {
-  Penalty penalty;
-  penalty.smoothness = true;
-  penalty.sigma = sigma;
-  penalty.row = {{parameter, 1.0}};
-  return penalty;
+  return {{{parameter, 1.0}}, sigma, true, ""};
 }
 
 }  // namespace armtrue

@@ -15,9 +15,10 @@ std::string hat_expression(const std::string& variable, const std::vector<double
 std::vector<double> nodes_over(const std::vector<double>& values, double spacing,
                                std::size_t least);
 
-/// Standard deviation of a table's second differences in units of the smoothness chosen from the
-/// data.
-constexpr double kSecondDifference = 1.0;
+/// Penalty on the second difference of three neighbouring nodes, in units of the smoothness chosen
+/// from the data.
+Penalty curvature_penalty(const std::string& before, const std::string& at,
+                          const std::string& after);
 
 /// Penalty that pulls one node towards zero, `sigma` in the same units, so that nodes with few
 /// poses do not follow the slope of their neighbours without limit.

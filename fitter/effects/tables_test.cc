@@ -17,7 +17,10 @@ using testing::ProblemOptions;
 using testing::Random;
 
 double at(const std::string& expression, double q1) {
-  return Expression::parse(expression).evaluate([&](const std::string&) { return q1; });
+  const std::vector<double> column{q1};
+  return Expression::parse(expression)
+      .evaluate(1, [&](const std::string&) -> const std::vector<double>& { return column; })
+      .front();
 }
 
 TEST(Hats, AddUpToOneInsideAndFadeOverTheOutermostCell) {

@@ -113,7 +113,7 @@ TEST(Identifiability, KeptParametersRepresentTheHeldOnes) {
     const double rms = summarise(residual_distances(design)).rms;
     // Holding parameters leaves out second-order products of the errors; the noise is a tenth of a
     // micrometre.
-    EXPECT_LT(rms, 2e-6) << p.robot.name;
+    EXPECT_LT(rms, 2e-6) << robot["name"];
   }
 }
 

@@ -1,14 +1,11 @@
 #include "fitter/model/coordinate.h"
 
-#include <array>
+#include <algorithm>
 #include <regex>
 
 #include "fitter/model/robot.h"
 
 namespace armtrue {
-namespace {
-constexpr std::array<const char*, 6> kComponents{"tx", "ty", "tz", "rx", "ry", "rz"};
-}
 
 int CoordinateLayout::index(const Coordinate& c) const {
   switch (c.place) {
@@ -47,9 +44,8 @@ Coordinate parse_coordinate(const std::string& text, int joints, int targets) {
     result.index = joint_number(match[2]);
     return result;
   }
-  for (int c = 0; c < 6; ++c) {
-    if (match[8] == kComponents[static_cast<std::size_t>(c)]) result.component = c;
-  }
+  result.component =
+      static_cast<int>(std::ranges::find(kComponentNames, match[8].str()) - kComponentNames);
   const std::string place = match[4];
   if (place == "base") {
     result.place = Place::kBase;
@@ -68,7 +64,7 @@ Coordinate parse_coordinate(const std::string& text, int joints, int targets) {
 }
 
 std::string to_string(const Coordinate& c, int targets) {
-  const std::string component = kComponents[static_cast<std::size_t>(c.component)];
+  const std::string component = kComponentNames[c.component];
   switch (c.place) {
     case Place::kMotor:
       return "motor" + std::to_string(c.index + 1);

@@ -7,6 +7,8 @@ namespace armtrue {
 
 enum class Place { kMotor, kBase, kLink, kTool };
 
+inline constexpr const char* kComponentNames[6] = {"tx", "ty", "tz", "rx", "ry", "rz"};
+
 /// One coordinate of the chain. `index` is the 0-based joint (motor, link) or target (tool);
 /// `component` 0…5 = tx ty tz rx ry rz.
 struct Coordinate {

@@ -11,6 +11,19 @@ Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
   return m;
 }
 
+// sin x / x, (1 − cos x) / x², (x − sin x) / x³; near zero by their series.
+struct Ratios {
+  double first, second, third;
+};
+Ratios ratios_of(double x2) {
+  if (x2 <= 1e-4) {
+    return {1.0 - x2 / 6.0 + x2 * x2 / 120.0, 0.5 - x2 / 24.0 + x2 * x2 / 720.0,
+            1.0 / 6.0 - x2 / 120.0 + x2 * x2 / 5040.0};
+  }
+  const double x = std::sqrt(x2);
+  return {std::sin(x) / x, (1.0 - std::cos(x)) / x2, (x - std::sin(x)) / (x2 * x)};
+}
+
 bool is_zero(const double* v) { return v[0] == 0.0 && v[1] == 0.0 && v[2] == 0.0; }
 
 // pose · Trans(t) · exp(r), skipping zero parts: most virtual joints have only one or two
@@ -30,29 +43,15 @@ void apply_fixed(const Pose& fixed, Pose& pose) {
 }  // namespace
 
 Eigen::Matrix3d rotation_exp(const Eigen::Vector3d& r) {
-  const double angle2 = r.squaredNorm();
   const Eigen::Matrix3d k = skew(r);
-  double a = 1.0 - angle2 / 6.0 + angle2 * angle2 / 120.0;
-  double b = 0.5 - angle2 / 24.0 + angle2 * angle2 / 720.0;
-  if (angle2 > 1e-4) {
-    const double angle = std::sqrt(angle2);
-    a = std::sin(angle) / angle;
-    b = (1.0 - std::cos(angle)) / angle2;
-  }
-  return Eigen::Matrix3d::Identity() + a * k + b * k * k;
+  const Ratios ratios = ratios_of(r.squaredNorm());
+  return Eigen::Matrix3d::Identity() + ratios.first * k + ratios.second * k * k;
 }
 
 Eigen::Matrix3d left_jacobian(const Eigen::Vector3d& r) {
-  const double angle2 = r.squaredNorm();
   const Eigen::Matrix3d k = skew(r);
-  double b = 0.5 - angle2 / 24.0 + angle2 * angle2 / 720.0;
-  double c = 1.0 / 6.0 - angle2 / 120.0 + angle2 * angle2 / 5040.0;
-  if (angle2 > 1e-4) {
-    const double angle = std::sqrt(angle2);
-    b = (1.0 - std::cos(angle)) / angle2;
-    c = (angle - std::sin(angle)) / (angle2 * angle);
-  }
-  return Eigen::Matrix3d::Identity() + b * k + c * k * k;
+  const Ratios ratios = ratios_of(r.squaredNorm());
+  return Eigen::Matrix3d::Identity() + ratios.second * k + ratios.third * k * k;
 }
 
 Eigen::Vector3d rotation_log(const Eigen::Matrix3d& rotation) {
@@ -68,7 +67,7 @@ Kinematics::Kinematics(const Robot& robot, int targets)
       frame_(robot.joints.size()),
       link_angle_(robot.joint_count()) {}
 
-Pose Kinematics::propagate(const double* q, const double* coordinates, int target) {
+Pose Kinematics::forward(const double* q, const double* coordinates, int target) {
   const int n = layout_.joints;
   for (int k = 0; k < n; ++k) {
     double angle = robot_.joints[static_cast<std::size_t>(k)].offset;
@@ -105,13 +104,9 @@ Pose Kinematics::propagate(const double* q, const double* coordinates, int targe
   return pose;
 }
 
-Pose Kinematics::forward(const double* q, const double* coordinates, int target) {
-  return propagate(q, coordinates, target);
-}
-
 Pose Kinematics::forward(const double* q, const double* coordinates, int target,
                          Eigen::Matrix<double, 6, Eigen::Dynamic>& jacobian) {
-  const Pose tool = propagate(q, coordinates, target);
+  const Pose tool = forward(q, coordinates, target);
   const Eigen::Vector3d point = tool.translation();
   const int n = layout_.joints;
   jacobian.resize(6, layout_.size());

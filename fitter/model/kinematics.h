@@ -44,8 +44,6 @@ class Kinematics {
   const std::vector<Pose>& frames() const { return frame_; }
 
  private:
-  Pose propagate(const double* q, const double* coordinates, int target);
-
   const Robot& robot_;
   CoordinateLayout layout_;
   Pose measuring_from_base_ = Pose::Identity();

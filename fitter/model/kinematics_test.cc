@@ -108,7 +108,7 @@ TEST_P(KinematicsAtSize, PoseMatchesTheReference) {
     Kinematics chain = c.kinematics();
     const Pose pose = chain.forward(c.q.data(), c.coordinates.data(), c.target);
     EXPECT_LT((pose.matrix() - c.reference(coordinates)).cwiseAbs().maxCoeff(), 1e-12)
-        << c.robot.name;
+        << c.robot.joint_count();
     Jacobian6 ignored;
     EXPECT_EQ(pose.matrix(),
               chain.forward(c.q.data(), c.coordinates.data(), c.target, ignored).matrix());

@@ -9,9 +9,8 @@ namespace armtrue {
 namespace {
 
 std::vector<int> integers(const std::vector<double>& values) {
-  std::vector<int> result(values.size());
-  std::transform(values.begin(), values.end(), result.begin(),
-                 [](double v) { return static_cast<int>(std::lround(v)); });
+  std::vector<int> result;
+  for (const double v : values) result.push_back(static_cast<int>(std::lround(v)));
   return result;
 }
 

@@ -1,6 +1,7 @@
 #include "fitter/model/poses.h"
 
 #include <algorithm>
+#include <boost/pending/disjoint_sets.hpp>
 #include <cmath>
 #include <map>
 #include <numeric>
@@ -11,20 +12,7 @@ namespace {
 constexpr double kSameAngle = 1e-5, kSameSlide = 1e-6;  // [rad], [m]
 constexpr double kSamePayload = 0.02;                   // share of the largest payload
 
-class DisjointSets {
- public:
-  explicit DisjointSets(std::size_t size) : parent_(size) {
-    std::iota(parent_.begin(), parent_.end(), std::size_t{0});
-  }
-  std::size_t find(std::size_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  void join(std::size_t a, std::size_t b) { parent_[find(a)] = find(b); }
-
- private:
-  std::vector<std::size_t> parent_;
-};
+using DisjointSets = boost::disjoint_sets_with_storage<>;
 
 void join_equal_joints(const State& state, DisjointSets& sets) {
   const auto n = static_cast<std::size_t>(state.robot().joint_count());
@@ -34,34 +22,21 @@ void join_equal_joints(const State& state, DisjointSets& sets) {
     tolerance.push_back(joint.prismatic ? kSameSlide : kSameAngle);
   std::vector<std::size_t> order(state.rows());
   std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return q[a * n] < q[b * n]; });
+  std::ranges::stable_sort(order, {}, [&](std::size_t row) { return q[row * n]; });
   for (std::size_t at = 0; at < order.size(); ++at) {
     for (std::size_t before = at; before-- > 0;) {
       const std::size_t a = order[at], b = order[before];
       if (q[a * n] - q[b * n] > tolerance[0]) break;
       std::size_t k = 0;
       while (k < n && std::abs(q[a * n + k] - q[b * n + k]) <= tolerance[k]) ++k;
-      if (k == n) sets.join(a, b);
+      if (k == n) sets.union_set(a, b);
     }
   }
 }
 
-// The rows in the order in which they were measured.
-std::vector<std::size_t> measured_order(const State& state) {
-  std::vector<std::size_t> order(state.rows());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  if (state.recorded("time")) {
-    const std::vector<double>& time = state.column("time");
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::size_t a, std::size_t b) { return time[a] < time[b]; });
-  }
-  return order;
-}
-
 void number_visits(const State& state, const std::vector<int>& target, bool declared,
                    Poses& poses) {
-  const std::vector<std::size_t> order = measured_order(state);
+  const std::vector<std::size_t> order = state.measured_order();
   const bool timed = state.recorded("time");
   struct Pose {
     std::map<int, int> readings;  // number of readings by reflector
@@ -134,13 +109,13 @@ Poses find_poses(const State& state, const std::vector<int>& target,
   std::map<int, std::size_t> declared;
   for (std::size_t i = 0; i < repeat.size(); ++i) {
     const auto [first, fresh] = declared.try_emplace(repeat[i], i);
-    if (!fresh) sets.join(i, first->second);
+    if (!fresh) sets.union_set(i, first->second);
   }
   Poses poses;
   std::map<std::size_t, int> number;
   for (std::size_t i = 0; i < state.rows(); ++i) {
     const auto next = static_cast<int>(number.size());
-    poses.posture_of_row.push_back(number.try_emplace(sets.find(i), next).first->second);
+    poses.posture_of_row.push_back(number.try_emplace(sets.find_set(i), next).first->second);
   }
   number_poses(state, poses);
   number_visits(state, target, !repeat.empty(), poses);

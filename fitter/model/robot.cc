@@ -15,11 +15,17 @@ Eigen::Vector3d vector3(const json& value) {
   return {value.at(0).get<double>(), value.at(1).get<double>(), value.at(2).get<double>()};
 }
 
+// The value of a key; nullptr where it is absent or null.
+const json* given(const json& object, const char* key) {
+  const auto at = object.find(key);
+  return at == object.end() || at->is_null() ? nullptr : &*at;
+}
+
 Pose pose_from_json(const json& value) {
   Eigen::Vector3d xyz = Eigen::Vector3d::Zero();
   Eigen::Vector3d rpy = Eigen::Vector3d::Zero();
-  if (value.contains("xyz") && !value["xyz"].is_null()) xyz = vector3(value["xyz"]);
-  if (value.contains("rpy") && !value["rpy"].is_null()) rpy = vector3(value["rpy"]);
+  if (const json* there = given(value, "xyz")) xyz = vector3(*there);
+  if (const json* there = given(value, "rpy")) rpy = vector3(*there);
   return pose_from_xyz_rpy(xyz, rpy);
 }
 
@@ -28,12 +34,12 @@ Pose rotation_z(double angle) { return Pose(Eigen::AngleAxisd(angle, Eigen::Vect
 Pose translation(double x, double z) { return Pose(Eigen::Translation3d(x, 0.0, z)); }
 
 double optional_number(const json& object, const char* key, double otherwise) {
-  return object.contains(key) && !object[key].is_null() ? object[key].get<double>() : otherwise;
+  const json* value = given(object, key);
+  return value ? value->get<double>() : otherwise;
 }
 
 Joint common_fields(const json& row) {
   Joint joint;
-  joint.name = row.value("name", "");
   joint.prismatic = row.value("type", "revolute") == "prismatic";
   joint.offset = optional_number(row, "offset", 0.0);
   const double ratio = optional_number(row, "gear_ratio", 0.0);
@@ -45,9 +51,9 @@ Joint common_fields(const json& row) {
     joint.gear_ratio = std::abs(ratio);
   }
   joint.passive = row.value("passive", false);
-  if (row.contains("limits") && !row["limits"].is_null()) {
-    row["limits"].at(0).get_to(joint.lower);
-    row["limits"].at(1).get_to(joint.upper);
+  if (const json* limits = given(row, "limits")) {
+    limits->at(0).get_to(joint.lower);
+    limits->at(1).get_to(joint.upper);
     joint.limited = true;
   }
   return joint;
@@ -170,14 +176,13 @@ double Robot::reach() const {
 
 Robot Robot::from_json(const json& content) {
   Robot robot;
-  robot.name = content.value("name", "robot");
   std::vector<Pose> frame_from_listed_frame;
   build_chain(content.at("kinematics"), robot, frame_from_listed_frame);
   const int n = robot.joint_count();
 
   robot.coupling = Eigen::MatrixXd::Identity(n, n);
-  if (content.contains("coupling") && !content["coupling"].is_null()) {
-    for (const json& row : content["coupling"]) {
+  if (const json* coupling = given(content, "coupling")) {
+    for (const json& row : *coupling) {
       const int driven = joint_number(row.at("joint"), n, "robot: coupling");
       const int driving = joint_number(row.at("driving"), n, "robot: coupling");
       const bool is_reported = row.value("kind", "mechanical") == "controller";
@@ -188,46 +193,34 @@ Robot Robot::from_json(const json& content) {
     }
   }
   check_passive_driven(robot);
-  if (content.contains("links") && !content["links"].is_null() && !content["links"].empty()) {
-    const json& links = content["links"];
-    if (static_cast<int>(links.size()) != n) {
-      throw ModelError("robot: links has " + std::to_string(links.size()) + " entries, expected " +
+  if (const json* links = given(content, "links"); links && !links->empty()) {
+    if (static_cast<int>(links->size()) != n) {
+      throw ModelError("robot: links has " + std::to_string(links->size()) + " entries, expected " +
                        std::to_string(n));
     }
     for (int k = 0; k < n; ++k) {
-      Link link;
-      links[k].at("mass").get_to(link.mass);
-      link.com_in_frame = frame_from_listed_frame[k] * vector3(links[k].at("com"));
-      robot.links.push_back(link);
+      const json& link = (*links)[k];
+      robot.links.push_back(
+          {link.at("mass").get<double>(), frame_from_listed_frame[k] * vector3(link.at("com"))});
     }
   }
-  if (content.contains("gravity") && !content["gravity"].is_null())
-    robot.gravity = vector3(content["gravity"]);
-  if (content.contains("tool") && !content["tool"].is_null())
-    robot.flange_from_tool = pose_from_json(content["tool"]);
+  if (const json* gravity = given(content, "gravity")) robot.gravity = vector3(*gravity);
+  if (const json* tool = given(content, "tool")) robot.flange_from_tool = pose_from_json(*tool);
   if (content.contains("targets")) {
     for (const json& pose : content["targets"])
       robot.flange_from_target.push_back(pose_from_json(pose));
   }
   if (content.contains("payload")) robot.payload_point = vector3(content["payload"].at("com"));
-  if (content.contains("base") && !content["base"].is_null()) {
-    robot.measuring_from_base = pose_from_json(content["base"]);
+  if (const json* base = given(content, "base")) robot.measuring_from_base = pose_from_json(*base);
+  if (const json* temperature = given(content, "temperature")) {
+    robot.temperature_reference = optional_number(*temperature, "reference", 20.0);
+    robot.sensors = temperature->value("sensors", std::vector<std::string>{});
   }
-  if (content.contains("temperature") && !content["temperature"].is_null()) {
-    robot.temperature_reference = optional_number(content["temperature"], "reference", 20.0);
-    if (content["temperature"].contains("sensors")) {
-      robot.sensors = content["temperature"]["sensors"].get<std::vector<std::string>>();
-    }
-  }
-  if (content.contains("linkage") && !content["linkage"].is_null()) {
-    const json& linkage = content["linkage"];
-    Parallelogram four_bar;
-    four_bar.crank_joint = joint_number(linkage.at("joints").at(0), n, "robot: linkage.joints");
-    four_bar.arm_joint = joint_number(linkage.at("joints").at(1), n, "robot: linkage.joints");
-    four_bar.crank = optional_number(linkage, "crank", 0.0);
-    four_bar.rod = optional_number(linkage, "rod", 0.0);
-    linkage.at("angle").get_to(four_bar.angle);
-    robot.parallelogram = four_bar;
+  if (const json* linkage = given(content, "linkage")) {
+    const json& joints = linkage->at("joints");
+    robot.parallelogram = Parallelogram{joint_number(joints.at(0), n, "robot: linkage.joints"),
+                                        joint_number(joints.at(1), n, "robot: linkage.joints"),
+                                        linkage->at("angle").get<double>()};
   }
   return robot;
 }

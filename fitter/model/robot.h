@@ -26,7 +26,6 @@ Pose pose_from_xyz_rpy(const Eigen::Vector3d& xyz, const Eigen::Vector3d& rpy);
 Eigen::Vector3d rpy_from_rotation(const Eigen::Matrix3d& rotation);
 
 struct Joint {
-  std::string name;
   bool prismatic = false;
   Pose fixed =
       Pose::Identity();  ///< F_k: from frame k−1 to where joint k turns about (slides along) its z
@@ -48,13 +47,11 @@ struct Link {
 
 struct Parallelogram {
   int crank_joint = 2, arm_joint = 3;  ///< 1-based
-  double crank = 0.0, rod = 0.0;       ///< [m]
   double angle = 0.0;                  ///< β at link angle 3 = 0 [rad]
 };
 
 /// The content of robot.yaml, built from its normalised form.
 struct Robot {
-  std::string name;
   std::vector<Joint> joints;
   Pose end = Pose::Identity();  ///< F_end
   Eigen::MatrixXd coupling;     ///< link angles = coupling · motor-side angles + offsets (n × n)

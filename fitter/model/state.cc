@@ -76,10 +76,8 @@ State::State(const Robot& robot, Columns columns, const Eigen::Vector3d& payload
     if (columns_.contains("temp_" + sensor)) sensors_.push_back(sensor);
   }
   for (const auto& [name, values] : columns_) {
-    if (name.rfind("temp_", 0) != 0) continue;
-    const std::string sensor = name.substr(5);
-    if (std::find(sensors_.begin(), sensors_.end(), sensor) == sensors_.end())
-      sensors_.push_back(sensor);
+    if (name.starts_with("temp_") && std::ranges::find(sensors_, name.substr(5)) == sensors_.end())
+      sensors_.push_back(name.substr(5));
   }
 }
 
@@ -111,8 +109,7 @@ bool State::is_load(const Variable& v) const {
 }
 
 bool State::is_load(const Expression& basis) const {
-  const std::set<std::string> names = basis.variables();
-  return std::any_of(names.begin(), names.end(), [&](const std::string& name) {
+  return std::ranges::any_of(basis.variables(), [&](const std::string& name) {
     const std::optional<Variable> v = parse_variable(name, robot_->joint_count());
     return v && is_load(*v);
   });
@@ -189,21 +186,31 @@ const std::vector<double>& State::column(const std::string& name) const {
     case VariableKind::kWarmth:
       return remember(name, warmth(*v));
     case VariableKind::kTorqueTilt:
-    case VariableKind::kMomentTilt:
-      compute_tilt(v->component);
+    case VariableKind::kMomentTilt: {
+      // Loads are linear in gravity, and a small turn of the base about an axis e changes gravity
+      // in the base frame by g x e per radian.
+      const std::string end = std::string("_") + v->component;
+      compute_loads(robot_->gravity.cross(Eigen::Vector3d::Unit(v->component - 'x')),
+                    {"tilt_", "tiltx_", "tilty_", "tiltx_0" + end, "tilty_0" + end, end});
       return derived_.at(name);
+    }
     default:
-      compute_gravity();
+      compute_loads(robot_->gravity, {"tau", "gmx", "gmy", "bmx", "bmy", ""});
       return derived_.at(name);
   }
 }
 
-std::vector<double> State::motion(int joint) const {
-  constexpr double kStandstill = 1e-6;  // [rad or m]
+std::vector<std::size_t> State::measured_order() const {
   std::vector<std::size_t> order(rows_);
   std::iota(order.begin(), order.end(), std::size_t{0});
   if (const auto clock = columns_.find("time"); clock != columns_.end())
     std::ranges::stable_sort(order, {}, [&](std::size_t row) { return clock->second[row]; });
+  return order;
+}
+
+std::vector<double> State::motion(int joint) const {
+  constexpr double kStandstill = 1e-6;  // [rad or m]
+  const std::vector<std::size_t> order = measured_order();
   const std::vector<double>& q = columns_.at("q" + std::to_string(joint));
   std::vector<double> side(rows_, 0.0);
   for (std::size_t i = 1; i < rows_; ++i) {
@@ -230,10 +237,7 @@ std::vector<double> State::warmth(const Variable& v) const {
   const std::vector<double>& time = columns_.at("time");
   const std::vector<double>& source = columns_.at(v.source());
   const double zero = v.sensor.empty() ? 0.0 : robot_->temperature_reference;
-  std::vector<std::size_t> order(rows_);
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return time[a] < time[b]; });
+  const std::vector<std::size_t> order = measured_order();
   std::vector<double> values(rows_);
   double warm = v.sensor.empty() || rows_ == 0 ? 0.0 : source[order.front()] - zero;
   double before = rows_ > 0 ? time[order.front()] : 0.0;
@@ -275,68 +279,48 @@ State::Frames State::frames_of_row(std::size_t row) const {
   return frames;
 }
 
-State::Loads State::loads_under(const Eigen::Vector3d& gravity) const {
-  const int n = robot_->joint_count();
-  const auto count = static_cast<std::size_t>(n);
-  const std::vector<std::vector<double>> zeros(count, std::vector<double>(rows_));
-  Loads loads{zeros, zeros, zeros, zeros.front(), zeros.front()};
+void State::compute_loads(const Eigen::Vector3d& gravity, const LoadNames& names) const {
+  const auto count = robot_->joints.size();
+  const auto columns = [&](const std::string& stem) {
+    std::vector<std::vector<double>*> result;
+    for (std::size_t k = 1; k <= count; ++k) {
+      result.push_back(&derived_[stem + std::to_string(k) + names.end]);
+      result.back()->resize(rows_);
+    }
+    return result;
+  };
+  const auto torque = columns(names.torque);
+  const auto moment_x = columns(names.moment_x), moment_y = columns(names.moment_y);
+  std::vector<double>&base_x = derived_[names.base_x], &base_y = derived_[names.base_y];
+  base_x.resize(rows_);
+  base_y.resize(rows_);
   const std::vector<double>* payload =
       columns_.contains("payload") ? &columns_.at("payload") : nullptr;
-  Eigen::VectorXd link_torque(n);
+  Eigen::VectorXd link_torque(robot_->joint_count());
   for (std::size_t row = 0; row < rows_; ++row) {
     const Frames frames = frames_of_row(row);
     // From the tip inwards: the weight beyond joint k and its moment about the base origin.
     const double payload_mass = payload ? (*payload)[row] : 0.0;
     Eigen::Vector3d force = payload_mass * gravity;
     Eigen::Vector3d moment_at_base = frames[count].translation().cross(force);
-    for (int k = n - 1; k >= 0; --k) {
-      const auto i = static_cast<std::size_t>(k);
-      const Link& link = robot_->links[i];
+    for (std::size_t k = count; k-- > 0;) {
+      const Link& link = robot_->links[k];
       const Eigen::Vector3d weight = link.mass * gravity;
       force += weight;
-      moment_at_base += (frames[i] * link.com_in_frame).cross(weight);
-      const Eigen::Vector3d moment = moment_at_base - frames[i].translation().cross(force);
-      const Eigen::Vector3d in_frame = frames[i].linear().transpose() * moment;
-      loads.moment_x[i][row] = in_frame.x();
-      loads.moment_y[i][row] = in_frame.y();
-      link_torque[k] =
-          robot_->joints[i].prismatic ? frames[i].linear().col(2).dot(force) : in_frame.z();
+      moment_at_base += (frames[k] * link.com_in_frame).cross(weight);
+      const Eigen::Vector3d moment = moment_at_base - frames[k].translation().cross(force);
+      const Eigen::Vector3d in_frame = frames[k].linear().transpose() * moment;
+      (*moment_x[k])[row] = in_frame.x();
+      (*moment_y[k])[row] = in_frame.y();
+      link_torque[static_cast<Eigen::Index>(k)] =
+          robot_->joints[k].prismatic ? frames[k].linear().col(2).dot(force) : in_frame.z();
     }
-    loads.base_x[row] = moment_at_base.x();
-    loads.base_y[row] = moment_at_base.y();
+    base_x[row] = moment_at_base.x();
+    base_y[row] = moment_at_base.y();
     const Eigen::VectorXd motor_torque = robot_->coupling.transpose() * link_torque;
     for (std::size_t k = 0; k < count; ++k)
-      loads.torque[k][row] = motor_torque[static_cast<Eigen::Index>(k)];
+      (*torque[k])[row] = motor_torque[static_cast<Eigen::Index>(k)];
   }
-  return loads;
-}
-
-void State::compute_gravity() const {
-  Loads loads = loads_under(robot_->gravity);
-  for (std::size_t k = 0; k < loads.torque.size(); ++k) {
-    const std::string number = std::to_string(k + 1);
-    remember("tau" + number, std::move(loads.torque[k]));
-    remember("gmx" + number, std::move(loads.moment_x[k]));
-    remember("gmy" + number, std::move(loads.moment_y[k]));
-  }
-  remember("bmx", std::move(loads.base_x));
-  remember("bmy", std::move(loads.base_y));
-}
-
-// Loads are linear in gravity, and a small turn of the base about an axis e changes gravity in the
-// base frame by g x e per radian.
-void State::compute_tilt(char about) const {
-  const Eigen::Vector3d axis = Eigen::Vector3d::Unit(about - 'x');
-  Loads loads = loads_under(robot_->gravity.cross(axis));
-  const std::string end = std::string("_") + about;
-  for (std::size_t k = 0; k < loads.torque.size(); ++k) {
-    const std::string number = std::to_string(k + 1);
-    remember("tilt_" + number + end, std::move(loads.torque[k]));
-    remember("tiltx_" + number + end, std::move(loads.moment_x[k]));
-    remember("tilty_" + number + end, std::move(loads.moment_y[k]));
-  }
-  remember("tiltx_0" + end, std::move(loads.base_x));
-  remember("tilty_0" + end, std::move(loads.base_y));
 }
 
 void State::smooth_torques() {

@@ -66,6 +66,8 @@ class State {
   /// either case they are nominal until `stand` is called again.
   void let_loads_follow(bool follow);
   bool loads_follow() const { return loads_follow_; }
+  /// The rows in the order in which they were measured: by time, where recorded.
+  std::vector<std::size_t> measured_order() const;
   /// True if the values depend on the arm's deflection.
   bool is_load(const Expression& basis) const;
 
@@ -75,14 +77,11 @@ class State {
   void forget_loads();
   Frames frames_of_row(std::size_t row) const;
   const std::vector<double>& remember(const std::string& name, std::vector<double> values) const;
-  // Gravity loads: by joint or frame, then by row.
-  struct Loads {
-    std::vector<std::vector<double>> torque, moment_x, moment_y;
-    std::vector<double> base_x, base_y;
+  // Names of columns of gravity's loads: those of joint or frame k end in k and `end`.
+  struct LoadNames {
+    std::string torque, moment_x, moment_y, base_x, base_y, end;
   };
-  Loads loads_under(const Eigen::Vector3d& gravity) const;
-  void compute_gravity() const;
-  void compute_tilt(char about) const;
+  void compute_loads(const Eigen::Vector3d& gravity, const LoadNames& names) const;
   std::vector<double> smooth_torque(int joint, const std::vector<double>& measured) const;
   std::vector<double> link_angle(int joint) const;
   std::vector<double> motion(int joint) const;

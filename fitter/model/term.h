@@ -34,7 +34,7 @@ struct Term {
   Coordinate coordinate;
   Expression basis = Expression::number(1.0);
   double weight = 1.0;
-  std::optional<TableReference> table;
+  std::optional<TableReference> table = std::nullopt;
   std::optional<Follows> follows = std::nullopt;
 };
 

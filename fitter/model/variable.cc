@@ -32,12 +32,14 @@ constexpr std::array<const char*, 10> kNoState{"x",  "y",  "z",      "qw",     "
 
 // The number behind a stem; 0 where there is none.
 int number_behind(const std::string& name, const std::string& stem) {
-  if (name.rfind(stem, 0) != 0 || name.size() == stem.size() || name.size() > stem.size() + 2)
+  if (!name.starts_with(stem) || name.size() == stem.size() || name.size() > stem.size() + 2)
     return 0;
-  for (std::size_t i = stem.size(); i < name.size(); ++i) {
-    if (name[i] < '0' || name[i] > '9') return 0;
-  }
-  return std::stoi(name.substr(stem.size()));
+  const std::string digits = name.substr(stem.size());
+  return digits.find_first_not_of("0123456789") == std::string::npos ? std::stoi(digits) : 0;
+}
+
+bool is_regressor(const Variable& v) {
+  return v.kind == VariableKind::kTorqueRegressor || v.kind == VariableKind::kMomentRegressor;
 }
 
 // The submatches of a name that has this stem and this form; nullopt for another name.
@@ -110,46 +112,9 @@ std::string Variable::source() const {
   return sensor.empty() ? "duty" + std::to_string(joint) : "temp_" + sensor;
 }
 
-bool Variable::is_load() const {
-  switch (kind) {
-    case VariableKind::kTorque:
-    case VariableKind::kMoment:
-    case VariableKind::kBaseMoment:
-    case VariableKind::kTorqueRegressor:
-    case VariableKind::kMomentRegressor:
-    case VariableKind::kTorqueTilt:
-    case VariableKind::kMomentTilt:
-      return true;
-    default:
-      return false;
-  }
-}
-
-bool Variable::is_of_posture() const {
-  return is_load() || kind == VariableKind::kJoint || kind == VariableKind::kLinkAngle ||
-         kind == VariableKind::kReadBack;
-}
-
 bool Variable::is_of_session() const {
   return kind == VariableKind::kTime || kind == VariableKind::kTemperature ||
          kind == VariableKind::kWarmth;
-}
-
-bool Variable::reads_gravity() const {
-  switch (kind) {
-    case VariableKind::kTorque:
-    case VariableKind::kMoment:
-    case VariableKind::kBaseMoment:
-    case VariableKind::kTorqueTilt:
-    case VariableKind::kMomentTilt:
-    case VariableKind::kPayload:
-      return true;
-    case VariableKind::kTorqueRegressor:
-    case VariableKind::kMomentRegressor:
-      return link == 0;
-    default:
-      return false;
-  }
 }
 
 std::optional<Variable> parse_variable(const std::string& name, int joints) {
@@ -170,7 +135,7 @@ std::optional<Variable> parse_variable(const std::string& name, int joints) {
     v.joint = joint;
     return v;
   }
-  if (name == "dT" || name.rfind("dT_", 0) == 0) {
+  if (name == "dT" || name.starts_with("dT_")) {
     v.kind = VariableKind::kTemperature;
     v.sensor = name == "dT" ? "" : name.substr(3);
     return v;
@@ -178,7 +143,7 @@ std::optional<Variable> parse_variable(const std::string& name, int joints) {
   if (const auto regressor = parse_regressor(name, joints)) return regressor;
   if (const auto tilt = parse_tilt(name, joints)) return tilt;
   if (const auto warmth = parse_warmth(name, joints)) return warmth;
-  if (name.rfind("temp_", 0) == 0 ||
+  if (name.starts_with("temp_") ||
       std::find(kNoState.begin(), kNoState.end(), name) != kNoState.end())
     return std::nullopt;
   return v;
@@ -217,8 +182,6 @@ std::vector<Variable> state_variables(int joints, const std::vector<std::string>
 }
 
 std::vector<std::string> columns_of(const Variable& v, const Robot& robot, bool with_payload) {
-  const bool computed = !robot.links.empty() || v.kind == VariableKind::kTorqueRegressor ||
-                        v.kind == VariableKind::kMomentRegressor;
   switch (v.kind) {
     case VariableKind::kJoint:
     case VariableKind::kLinkAngle:
@@ -226,81 +189,34 @@ std::vector<std::string> columns_of(const Variable& v, const Robot& robot, bool 
     case VariableKind::kTemperature:
       if (!v.sensor.empty()) return {"temp_" + v.sensor};
       return {"temp_" + (robot.sensors.empty() ? "NAME" : robot.sensors.front())};
-    case VariableKind::kTorque:
-      if (!computed) return {v.name};
-      [[fallthrough]];
-    case VariableKind::kMoment:
-    case VariableKind::kBaseMoment:
-    case VariableKind::kTorqueRegressor:
-    case VariableKind::kMomentRegressor:
-    case VariableKind::kTorqueTilt:
-    case VariableKind::kMomentTilt:
-      return v.reads_gravity() && with_payload ? std::vector<std::string>{"payload"}
-                                               : std::vector<std::string>{};
     case VariableKind::kWarmth:
       return {"time", v.source()};
     default:
-      return {v.name};
+      break;
   }
+  if (!v.is_load() || (v.kind == VariableKind::kTorque && robot.links.empty())) return {v.name};
+  const bool changes_with_payload = !is_regressor(v) || v.link == 0;
+  if (changes_with_payload && with_payload) return {"payload"};
+  return {};
 }
 
 std::string what_is_missing(const std::string& name, const Robot& robot) {
   const std::optional<Variable> v = parse_variable(name, robot.joint_count());
-  if (!v) return "column " + name;
-  switch (v->kind) {
-    case VariableKind::kTorque:
-      return "column " + name + " (or mass and com of robot.yaml's links)";
-    case VariableKind::kMoment:
-    case VariableKind::kBaseMoment:
-    case VariableKind::kTorqueTilt:
-    case VariableKind::kMomentTilt:
-      return "mass and com of robot.yaml's links";
-    case VariableKind::kTorqueRegressor:
-    case VariableKind::kMomentRegressor:
-      return "column payload";
-    case VariableKind::kTemperature:
-      return "column " + columns_of(*v, robot, false).front();
-    default:
-      return "column " + name;
-  }
+  if (v && v->kind == VariableKind::kTorque)
+    return "column " + name + " (or mass and com of robot.yaml's links)";
+  if (v && v->is_load())
+    return is_regressor(*v) ? "column payload" : "mass and com of robot.yaml's links";
+  if (v && v->kind == VariableKind::kTemperature)
+    return "column " + columns_of(*v, robot, false).front();
+  return "column " + name;
 }
 
 std::string to_string(VariableKind kind) {
-  switch (kind) {
-    case VariableKind::kJoint:
-      return "joint";
-    case VariableKind::kLinkAngle:
-      return "link_angle";
-    case VariableKind::kReadBack:
-      return "read_back";
-    case VariableKind::kTorque:
-      return "torque";
-    case VariableKind::kMoment:
-      return "moment";
-    case VariableKind::kBaseMoment:
-      return "base_moment";
-    case VariableKind::kTorqueRegressor:
-      return "torque_regressor";
-    case VariableKind::kMomentRegressor:
-      return "moment_regressor";
-    case VariableKind::kTorqueTilt:
-      return "torque_tilt";
-    case VariableKind::kMomentTilt:
-      return "moment_tilt";
-    case VariableKind::kTemperature:
-      return "temperature";
-    case VariableKind::kPayload:
-      return "payload";
-    case VariableKind::kDirection:
-      return "direction";
-    case VariableKind::kTime:
-      return "time";
-    case VariableKind::kWarmth:
-      return "warmth";
-    case VariableKind::kColumn:
-      return "column";
-  }
-  return "column";
+  constexpr std::array kNames{"joint",       "link_angle",  "read_back",        "torque",
+                              "moment",      "base_moment", "torque_regressor", "moment_regressor",
+                              "torque_tilt", "moment_tilt", "temperature",      "payload",
+                              "direction",   "time",        "warmth",           "column"};
+  return kNames.at(static_cast<std::size_t>(kind));
 }
 
 }  // namespace armtrue

@@ -14,13 +14,13 @@ enum class VariableKind {
   kJoint,
   kLinkAngle,
   kReadBack,
-  kTorque,
+  kTorque,  // gravity's loads: from here
   kMoment,
   kBaseMoment,
   kTorqueRegressor,
   kMomentRegressor,
   kTorqueTilt,
-  kMomentTilt,
+  kMomentTilt,  // to here
   kTemperature,
   kPayload,
   kDirection,
@@ -43,13 +43,13 @@ struct Variable {
   /// Of warmth: the column that is low-passed.
   std::string source() const;
   /// True for gravity's loads: torques, moments, their regressors, and their changes by a tilt.
-  bool is_load() const;
+  bool is_load() const {
+    return kind >= VariableKind::kTorque && kind <= VariableKind::kMomentTilt;
+  }
   /// True for angles and loads, which the arm's posture determines.
-  bool is_of_posture() const;
+  bool is_of_posture() const { return kind <= VariableKind::kMomentTilt; }
   /// True for what changes slowly over a session: time, temperatures, a gear's warm-up.
   bool is_of_session() const;
-  /// True where a payload changes it.
-  bool reads_gravity() const;
 };
 
 /// Parses a name: a variable of the state, or any other column (kColumn). nullopt for columns that

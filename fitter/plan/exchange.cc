@@ -23,15 +23,15 @@ constexpr int kRefresh = 100;
 
 // The least of several values, plus a small share of their mean.
 template <typename ValueOf>
-double least_and_mean(std::size_t pairs, const ValueOf& value_of) {
+double least_and_mean(const std::vector<MeasurementChoice>& pairs, const ValueOf& value_of) {
   double least = std::numeric_limits<double>::infinity();
   double sum = 0.0;
-  for (std::size_t k = 0; k < pairs; ++k) {
-    const double value = value_of(k);
+  for (const MeasurementChoice& pair : pairs) {
+    const double value = value_of(pair);
     least = std::min(least, value);
     sum += value;
   }
-  return least + kTieBreak * sum / static_cast<double>(pairs);
+  return least + kTieBreak * sum / static_cast<double>(pairs.size());
 }
 
 // The free measurement that makes the criterion largest; at least one must be free.
@@ -141,21 +141,15 @@ void MeasurementChoice::change(std::size_t i, double sign) {
   covariance_ -= sign * square_across(response);
 }
 
-double TOptimality::value() const {
-  return least_and_mean(pairs_.size(), [&](std::size_t k) { return pairs_[k].left(); });
+double Criterion::value() const {
+  if (!rivals_) return choices_.front().log_determinant();
+  return least_and_mean(choices_, [](const MeasurementChoice& pair) { return pair.left(); });
 }
 
-double TOptimality::value_with(std::size_t i) const {
-  return least_and_mean(pairs_.size(),
-                        [&](std::size_t k) { return pairs_[k].left() + pairs_[k].left_gain(i); });
-}
-
-void TOptimality::add(std::size_t i) {
-  for (MeasurementChoice& pair : pairs_) pair.add(i);
-}
-
-void TOptimality::remove(std::size_t i) {
-  for (MeasurementChoice& pair : pairs_) pair.remove(i);
+double Criterion::value_with(std::size_t i) const {
+  if (!rivals_) return value() + choices_.front().log_determinant_gain(i);
+  return least_and_mean(
+      choices_, [&](const MeasurementChoice& pair) { return pair.left() + pair.left_gain(i); });
 }
 
 std::vector<std::size_t> choose_greedily(Criterion& criterion, std::size_t count,

@@ -72,49 +72,30 @@ class MeasurementChoice {
 /// Value of a choice of measurements; more is better.
 class Criterion {
  public:
-  virtual ~Criterion() = default;
-  virtual std::size_t count() const = 0;
-  virtual double value() const = 0;
-  /// value() if measurement i is added.
-  virtual double value_with(std::size_t i) const = 0;
-  virtual void add(std::size_t i) = 0;
-  virtual void remove(std::size_t i) = 0;
-};
-
-/// D-optimality: log det of the information of all unknowns.
-class DOptimality final : public Criterion {
- public:
-  explicit DOptimality(MeasurementChoice choice) : choice_(std::move(choice)) {}
-  std::size_t count() const override { return choice_.count(); }
-  double value() const override { return choice_.log_determinant(); }
-  double value_with(std::size_t i) const override {
-    return value() + choice_.log_determinant_gain(i);
+  /// D-optimality: log det of the information of all unknowns.
+  explicit Criterion(MeasurementChoice choice) : rivals_(false) {
+    choices_.push_back(std::move(choice));
   }
-  void add(std::size_t i) override { choice_.add(i); }
-  void remove(std::size_t i) override { choice_.remove(i); }
-  const MeasurementChoice& choice() const { return choice_; }
+  /// T-optimality (Atkinson and Fedorov 1975) for any number of rivals: each in turn is taken as
+  /// the truth, and the value is the least sum of squares that a wrong rival leaves. A thousandth
+  /// of the mean breaks ties. One choice for each ordered pair (truth, rival): left() is what the
+  /// rival cannot explain of the truth.
+  explicit Criterion(std::vector<MeasurementChoice> pairs) : choices_(std::move(pairs)) {}
+
+  std::size_t count() const { return choices_.front().count(); }
+  double value() const;
+  /// value() if measurement i is added.
+  double value_with(std::size_t i) const;
+  void add(std::size_t i) {
+    for (MeasurementChoice& choice : choices_) choice.add(i);
+  }
+  void remove(std::size_t i) {
+    for (MeasurementChoice& choice : choices_) choice.remove(i);
+  }
 
  private:
-  MeasurementChoice choice_;
-};
-
-/// T-optimality (Atkinson and Fedorov 1975) for any number of rivals: each in turn is taken as the
-/// truth, and the value is the least sum of squares that a wrong rival leaves. A thousandth of the
-/// mean breaks ties.
-class TOptimality final : public Criterion {
- public:
-  /// One choice for each ordered pair (truth, rival): left() is what the rival cannot explain of
-  /// the truth.
-  explicit TOptimality(std::vector<MeasurementChoice> pairs) : pairs_(std::move(pairs)) {}
-  std::size_t count() const override { return pairs_.front().count(); }
-  double value() const override;
-  double value_with(std::size_t i) const override;
-  void add(std::size_t i) override;
-  void remove(std::size_t i) override;
-  const std::vector<MeasurementChoice>& pairs() const { return pairs_; }
-
- private:
-  std::vector<MeasurementChoice> pairs_;
+  std::vector<MeasurementChoice> choices_;
+  bool rivals_ = true;
 };
 
 /// Chooses `count` different measurements among `allowed` (all of them, if fewer) one by one, each

@@ -135,7 +135,7 @@ void for_all_choices(std::size_t size, std::size_t count, const Visit& visit) {
 
 TEST_P(ChoiceOfMeasurements, ExchangeComesNearTheBestOfAllChoices) {
   const LinearProblem problem(11, 4, static_cast<std::uint64_t>(GetParam()) + 40);
-  DOptimality criterion(MeasurementChoice(problem.jacobian, kEquationsPerRow, problem.start));
+  Criterion criterion(MeasurementChoice(problem.jacobian, kEquationsPerRow, problem.start));
   const std::vector<std::size_t> chosen = choose_best(criterion, 4, all_of(criterion));
   EXPECT_EQ(std::set<std::size_t>(chosen.begin(), chosen.end()).size(), 4U);
   double best = -1e300, sum = 0.0;
@@ -161,7 +161,7 @@ TEST_P(ChoiceOfMeasurements, TOptimalChoice_LeastOfPairsBeatsRandomChoices) {
   std::vector<MeasurementChoice> pairs;
   pairs.push_back(first.choice());
   pairs.push_back(second.choice());
-  TOptimality criterion(std::move(pairs));
+  Criterion criterion(std::move(pairs));
   const double chosen = least_of(choose_best(criterion, 6, all_of(criterion)));
   std::mt19937_64 generator(5);
   for (int draw = 0; draw < 200; ++draw) {
@@ -171,7 +171,7 @@ TEST_P(ChoiceOfMeasurements, TOptimalChoice_LeastOfPairsBeatsRandomChoices) {
 
 TEST(ChooseBest, CountAboveAvailable_TakesAll) {
   const LinearProblem problem(3, 2, 1);
-  DOptimality criterion(MeasurementChoice(problem.jacobian, kEquationsPerRow, problem.start));
+  Criterion criterion(MeasurementChoice(problem.jacobian, kEquationsPerRow, problem.start));
   std::vector<std::size_t> chosen = choose_best(criterion, 10, all_of(criterion));
   std::sort(chosen.begin(), chosen.end());
   EXPECT_EQ(chosen, (std::vector<std::size_t>{0, 1, 2}));
@@ -179,7 +179,7 @@ TEST(ChooseBest, CountAboveAvailable_TakesAll) {
 
 TEST_P(ChoiceOfMeasurements, ChooseBestTakesOnlyAllowedMeasurements) {
   const LinearProblem problem(30, 4, static_cast<std::uint64_t>(GetParam()) + 90);
-  DOptimality criterion(MeasurementChoice(problem.jacobian, kEquationsPerRow, problem.start));
+  Criterion criterion(MeasurementChoice(problem.jacobian, kEquationsPerRow, problem.start));
   std::vector<bool> even(30, false);
   for (std::size_t i = 0; i < 30; i += 2) even[i] = true;
   for (const std::size_t i : choose_best(criterion, 8, even)) EXPECT_TRUE(even[i]) << i;

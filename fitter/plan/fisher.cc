@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 #include "fitter/common/dense.h"
 #include "fitter/design/normal_equations.h"
@@ -20,7 +21,7 @@ constexpr double kNamed = 0.4;
 
 Weakness weakness_of(const Linearised& linearised, const Eigen::VectorXd& direction, double sigma) {
   std::vector<Eigen::Index> order(static_cast<std::size_t>(direction.size()));
-  for (std::size_t k = 0; k < order.size(); ++k) order[k] = static_cast<Eigen::Index>(k);
+  std::iota(order.begin(), order.end(), Eigen::Index{0});
   std::sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) {
     return std::abs(direction[a]) > std::abs(direction[b]);
   });
@@ -96,7 +97,7 @@ Eigen::MatrixXd Linearised::jacobian_of(Design& taken) const {
   return whole_jacobian(taken)(Eigen::all, active_) * scale_.asDiagonal();
 }
 
-Eigen::MatrixXd Linearised::information_of(const std::vector<std::size_t>& chosen) const {
+Eigen::MatrixXd Linearised::rows_of(const std::vector<std::size_t>& chosen) const {
   Eigen::MatrixXd rows(static_cast<Eigen::Index>(chosen.size()) * height_, unknowns());
   Eigen::Index at = 0;
   for (const std::size_t i : chosen) {
@@ -104,7 +105,11 @@ Eigen::MatrixXd Linearised::information_of(const std::vector<std::size_t>& chose
         jacobian_.middleRows(static_cast<Eigen::Index>(i) * height_, height_);
     at += height_;
   }
-  return square(rows);
+  return rows;
+}
+
+Eigen::MatrixXd Linearised::information_of(const std::vector<std::size_t>& chosen) const {
+  return square(rows_of(chosen));
 }
 
 FisherSpectrum fisher_spectrum(const Linearised& linearised, const Eigen::MatrixXd& information,

@@ -23,7 +23,6 @@ class Linearised {
   Linearised(Design& design, double smoothness_sigma);
 
   int height() const { return height_; }
-  std::size_t count() const { return static_cast<std::size_t>(jacobian_.rows() / height_); }
   Eigen::Index unknowns() const { return jacobian_.cols(); }
   /// (height · measurements) × unknowns, whitened.
   const Eigen::MatrixXd& jacobian() const { return jacobian_; }
@@ -32,7 +31,8 @@ class Linearised {
   const Eigen::MatrixXd& known() const { return known_; }
   /// The same Jacobian for another design with the same unknowns: the measurements already taken.
   Eigen::MatrixXd jacobian_of(Design& taken) const;
-  /// JᵀJ over the chosen measurements.
+  /// The Jacobian's rows of the chosen measurements, and their JᵀJ.
+  Eigen::MatrixXd rows_of(const std::vector<std::size_t>& chosen) const;
   Eigen::MatrixXd information_of(const std::vector<std::size_t>& chosen) const;
   /// Unknown u in words.
   const std::string& words(Eigen::Index u) const { return words_[static_cast<std::size_t>(u)]; }

@@ -37,4 +37,14 @@ Menu make_menu(const Robot& robot, const Pose& flange_from_tool, const Cell& cel
                const Eigen::MatrixX2d& ranges, const Levels& levels, std::size_t count,
                std::uint64_t seed);
 
+/// Sessions that a menu allows, each as a mask of its rows: time goes forward, and an arm takes an
+/// hour to change its temperature, so every moment has one temperature, which only rises or only
+/// falls with time. A single session of all rows unless both time and temperature are on the menu.
+std::vector<std::vector<bool>> sessions(const Menu& menu);
+
+/// Order in which to run rows of one session: time forward and every temperature once, then as few
+/// changes of payload (by crane) as possible, then from each pose to the nearest one left.
+std::vector<std::size_t> run_order(const Menu& menu, const Robot& robot,
+                                   const std::vector<std::size_t>& rows);
+
 }  // namespace armtrue

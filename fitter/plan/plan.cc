@@ -8,7 +8,6 @@
 #include "fitter/common/statistics.h"
 #include "fitter/diagnose/diagnose.h"
 #include "fitter/plan/rivals.h"
-#include "fitter/plan/session.h"
 #include "fitter/solve/information.h"
 #include "fitter/solve/prediction.h"
 
@@ -71,8 +70,7 @@ Menu menu_for(const Fit& fit, const Levels& levels, const PlanOptions& options) 
 }
 
 // The session in which `poses` measurements, chosen greedily, are worth most.
-template <typename Choice>
-std::vector<bool> best_session(const Menu& menu, const Choice& start, std::size_t poses) {
+std::vector<bool> best_session(const Menu& menu, const Criterion& start, std::size_t poses) {
   std::vector<std::vector<bool>> all = sessions(menu);
   std::erase_if(all, [&](const std::vector<bool>& session) {
     return std::count(session.begin(), session.end(), true) < static_cast<std::ptrdiff_t>(poses);
@@ -86,7 +84,7 @@ std::vector<bool> best_session(const Menu& menu, const Choice& start, std::size_
   double most = -std::numeric_limits<double>::infinity();
   std::vector<bool>* best = &all.front();
   for (std::vector<bool>& session : all) {
-    Choice trial = start;
+    Criterion trial = start;
     choose_greedily(trial, poses, session);
     if (trial.value() <= most) continue;
     most = trial.value();
@@ -118,7 +116,7 @@ CampaignPlan choose(const Linearised& linearised, const Menu& menu, const Robot&
                     Observer& observer) {
   CampaignPlan plan;
   plan.unknowns = linearised.unknowns();
-  DOptimality criterion(MeasurementChoice(linearised.jacobian(), linearised.height(), start));
+  Criterion criterion(MeasurementChoice(linearised.jacobian(), linearised.height(), start));
   const std::vector<bool> session = best_session(menu, criterion, options.poses);
   const std::vector<std::size_t> chosen =
       choose_best(criterion, options.poses, session, stage(observer, 0.2, 0.9, "choosing poses"));
@@ -153,9 +151,7 @@ std::vector<RivalPair> separable_pairs(const Rivals& rivals, const Menu& menu,
                                        const PlanOptions& options, Observer& observer) {
   std::vector<RivalPair> separable;
   for (const RivalPair& pair : rivals.pairs()) {
-    std::vector<MeasurementChoice> only;
-    only.push_back(rivals.choice(pair));
-    TOptimality alone(std::move(only));
+    Criterion alone(std::vector{rivals.choice(pair)});
     const std::vector<std::size_t> rows =
         choose_greedily(alone, options.poses, best_session(menu, alone, options.poses));
     if (rivals.evidence(pair, rows) < -kTold) separable.push_back(pair);
@@ -308,7 +304,7 @@ SeparationPlan plan_separation(Fit& fit, const std::vector<EffectRequest>& reque
   for (const RivalPair& pair : separable_pairs(rivals, menu, options, observer)) {
     counted.push_back(rivals.choice(pair));
   }
-  TOptimality criterion(std::move(counted));
+  Criterion criterion(std::move(counted));
   const std::vector<bool> session = best_session(menu, criterion, options.poses);
   const std::vector<std::size_t> chosen =
       choose_best(criterion, options.poses, session, stage(observer, 0.5, 0.95, "choosing poses"));

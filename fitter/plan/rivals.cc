@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "fitter/solve/prediction.h"
 
@@ -12,17 +13,6 @@ Eigen::Matrix<double, 6, 1> change(const Pose& from, const Pose& to) {
   Eigen::Matrix<double, 6, 1> result;
   result << to.translation() - from.translation(),
       rotation_log(to.linear() * from.linear().transpose());
-  return result;
-}
-
-// Rows of a whitened Jacobian or difference that belong to the chosen measurements.
-template <typename Matrix>
-Eigen::MatrixXd rows_of(const Matrix& all, const std::vector<std::size_t>& chosen, int height) {
-  Eigen::MatrixXd result(static_cast<Eigen::Index>(chosen.size()) * height, all.cols());
-  for (std::size_t k = 0; k < chosen.size(); ++k) {
-    result.middleRows(static_cast<Eigen::Index>(k) * height, height) =
-        all.middleRows(static_cast<Eigen::Index>(chosen[k]) * height, height);
-  }
   return result;
 }
 
@@ -112,7 +102,7 @@ Rivals::Difference Rivals::difference(const RivalPair& pair,
 MeasurementChoice Rivals::choice(const RivalPair& pair) const {
   const Rival& rival = rivals_[pair.rival];
   std::vector<std::size_t> all(rival.predicted.size());
-  for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
+  std::iota(all.begin(), all.end(), std::size_t{0});
   const Difference d = difference(pair, all);
   return MeasurementChoice(rival.linearised->jacobian(), rival.linearised->height(), rival.known,
                            d.possible, rival.jacobian_taken.transpose() * d.taken,
@@ -122,8 +112,7 @@ MeasurementChoice Rivals::choice(const RivalPair& pair) const {
 double Rivals::left(const RivalPair& pair, const std::vector<std::size_t>& rows) const {
   const Difference d = difference(pair, rows);
   const Rival& rival = rivals_[pair.rival];
-  const Eigen::MatrixXd jacobian =
-      rows_of(rival.linearised->jacobian(), rows, rival.linearised->height());
+  const Eigen::MatrixXd jacobian = rival.linearised->rows_of(rows);
   const Eigen::VectorXd gradient =
       rival.jacobian_taken.transpose() * d.taken + jacobian.transpose() * d.possible;
   const ScaledCholesky factor(rival.known + jacobian.transpose() * jacobian);

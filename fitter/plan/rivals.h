@@ -23,8 +23,6 @@ class Rivals {
   /// `menu` must outlive this.
   Rivals(std::vector<std::unique_ptr<Fit>> fits, const Menu& menu);
 
-  std::size_t count() const { return rivals_.size(); }
-  Fit& fit(std::size_t rival) { return *rivals_[rival].fit; }
   /// Every ordered pair.
   const std::vector<RivalPair>& pairs() const { return pairs_; }
 

@@ -1,10 +1,10 @@
-#include "fitter/plan/session.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <set>
+
+#include "fitter/plan/menu.h"
 
 namespace armtrue {
 namespace {

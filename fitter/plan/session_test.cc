@@ -1,5 +1,3 @@
-#include "fitter/plan/session.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +7,7 @@
 #include <set>
 
 #include "fitter/plan/exchange.h"
+#include "fitter/plan/menu.h"
 
 namespace armtrue {
 namespace {

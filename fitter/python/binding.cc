@@ -16,9 +16,7 @@
 
 #include "fitter/evidence/block.h"
 #include "fitter/python/arrays.h"
-#include "fitter/python/catalogue_binding.h"
-#include "fitter/python/drawing_binding.h"
-#include "fitter/python/plan_binding.h"
+#include "fitter/python/parts.h"
 #include "fitter/python/watched.h"
 #include "fitter/refine/refine.h"
 #include "fitter/solve/information.h"
@@ -53,8 +51,7 @@ FitOptions fit_options(const json& given) {
   return options;
 }
 
-std::string align_json(const std::string& robot_json, const std::map<std::string, Column>& arrays,
-                       const std::string&) {
+std::string align_json(const std::string& robot_json, const std::map<std::string, Column>& arrays) {
   const Robot robot = Robot::from_json(json::parse(robot_json));
   const State::Columns columns = to_columns(arrays);
   const Alignment alignment = watched({}, [&](WatchedCall&) {
@@ -216,7 +213,7 @@ NB_MODULE(_core, m) {
       },
       "text"_a, "variables"_a, "parameters"_a,
       "Raise ExpressionError where text is no expression of the given names.");
-  m.def("align", &align_json, "robot"_a, "columns"_a, "options"_a = "{}",
+  m.def("align", &align_json, "robot"_a, "columns"_a,
         "Base and tool with nominal kinematics and no initial guess; JSON with rms_m, scale, "
         "poses, residual_m.");
   m.def("predict", &predict, "fit"_a, "columns"_a,

@@ -1,5 +1,3 @@
-#include "fitter/python/catalogue_binding.h"
-
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/string.h>
 
@@ -7,6 +5,7 @@
 
 #include "fitter/effects/effect.h"
 #include "fitter/python/arrays.h"
+#include "fitter/python/parts.h"
 
 namespace nb = nanobind;
 using namespace nb::literals;

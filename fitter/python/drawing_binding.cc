@@ -1,11 +1,10 @@
-#include "fitter/python/drawing_binding.h"
-
 #include <nanobind/stl/string.h>
 
 #include <algorithm>
 #include <vector>
 
 #include "fitter/python/arrays.h"
+#include "fitter/python/parts.h"
 #include "fitter/solve/fit.h"
 
 namespace nb = nanobind;

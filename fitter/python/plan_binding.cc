@@ -1,5 +1,3 @@
-#include "fitter/python/plan_binding.h"
-
 #include <nanobind/stl/function.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -7,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "fitter/plan/plan.h"
+#include "fitter/python/parts.h"
 #include "fitter/python/watched.h"
 
 namespace nb = nanobind;

@@ -1,6 +1,10 @@
 #include "fitter/python/watched.h"
 
-#include "fitter/common/memory.h"
+#include <climits>
+
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 namespace nb = nanobind;
 
@@ -9,6 +13,32 @@ namespace {
 
 // Longest delay before Ctrl-C is noticed.
 constexpr std::chrono::milliseconds kBetweenLooks{50};
+
+// While an object of this class exists, memory that is freed stays with the process (glibc;
+// elsewhere without effect). A fit with tables builds hundreds of matrices of tens of megabytes. By
+// default the system supplies new pages for each of them and has to clear every page first.
+class KeepsMemory {
+ public:
+  KeepsMemory() { change(1); }
+  KeepsMemory(const KeepsMemory&) = delete;
+  KeepsMemory& operator=(const KeepsMemory&) = delete;
+  ~KeepsMemory() { change(-1); }
+
+ private:
+  static void change([[maybe_unused]] int by) {
+#ifdef __GLIBC__
+    // Defaults of glibc (mallopt(3)): most mapped blocks, and bytes that may stay unused.
+    constexpr int kDefaultMostMapped = 65536, kDefaultTrim = 128 * 1024;
+    static std::mutex counting;
+    static int standing = 0;
+    const std::lock_guard lock(counting);
+    standing += by;
+    mallopt(M_MMAP_MAX, standing > 0 ? 0 : kDefaultMostMapped);
+    mallopt(M_TRIM_THRESHOLD, standing > 0 ? INT_MAX : kDefaultTrim);
+    if (standing == 0) malloc_trim(0);
+#endif
+  }
+};
 
 }  // namespace
 

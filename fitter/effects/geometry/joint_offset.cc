@@ -5,22 +5,17 @@ namespace {
 
 class JointOffset final : public Effect {
  public:
-  std::string id() const override { return "joint_offset"; }
-  std::string summary() const override { return "encoder zero"; }
-  Role role() const override { return Role::kGeometry; }
-  JointRule joint_rule() const override { return JointRule::kEach; }
-  std::string bound_text() const override {
-    return "2 deg or 10 mm: zeros found in the field are 0.01 to 0.15 deg";
-  }
+  JointOffset()
+      : Effect({.id = "joint_offset",
+                .summary = "encoder zero",
+                .bound = "2 deg or 10 mm: zeros found in the field are 0.01 to 0.15 deg",
+                .role = Role::kGeometry}) {}
 
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     for (const int k : request.joints) {
-      const bool slides = context.prismatic(k);
-      Parameter p =
-          single_term(id(), {k}, "", slides ? "m" : "rad", slides ? 0.01 : 0.035, motor(k), "1");
-      p.prior_sigma = slides ? context.priors.length : context.priors.angle;
-      terms.parameters.push_back(p);
+      add(terms, {k}, "", motor_unit(context, k), on_motor(context, k, 0.035, 0.01), motor(k), "1")
+          .prior_sigma = on_motor(context, k, context.priors.angle, context.priors.length);
     }
     return terms;
   }

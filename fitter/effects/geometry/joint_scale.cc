@@ -5,14 +5,14 @@ namespace {
 
 class JointScale final : public Effect {
  public:
-  std::string id() const override { return "joint_scale"; }
-  std::string summary() const override { return "gear ratio or encoder scale error"; }
-  JointRule joint_rule() const override { return JointRule::kEach; }
-  DriveRule drive_rule() const override { return DriveRule::kEach; }
-  std::string bound_text() const override {
-    return "2e-3, of a sliding joint 5e-4: ours, a wrong tooth or pulse count shows as more and is "
-           "a units mistake; a screw or rack is off by 200 ppm at most and grows by 12 ppm/K";
-  }
+  JointScale()
+      : Effect({.id = "joint_scale",
+                .summary = "gear ratio or encoder scale error",
+                .bound = "2e-3, of a sliding joint 5e-4: ours, a wrong tooth or pulse count shows "
+                         "as more and is a units mistake; a screw or rack is off by 200 ppm at "
+                         "most and grows by 12 ppm/K",
+                .drives = DriveRule::kEach}) {}
+
   std::string describe(const Parameter& p) const override {
     return "axis " + std::to_string(p.joints.front()) + "'s scale";
   }
@@ -20,10 +20,9 @@ class JointScale final : public Effect {
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     for (const int k : request.joints) {
-      const bool slides = context.prismatic(k);
-      terms.parameters.push_back(single_term(id(), {k}, "", slides ? "m/m" : "rad/rad",
-                                             slides ? kLargestOfASlide : kLargest, motor(k),
-                                             "q" + std::to_string(k)));
+      const std::string unit = motor_unit(context, k);
+      add(terms, {k}, "", unit + "/" + unit, on_motor(context, k, kLargest, kLargestOfASlide),
+          motor(k), "q" + std::to_string(k));
     }
     return terms;
   }

@@ -7,12 +7,13 @@ namespace {
 
 class ParallelogramErrors final : public Effect {
  public:
-  std::string id() const override { return "parallelogram"; }
-  std::string summary() const override { return "four-bar bar-length and pivot errors"; }
-  JointRule joint_rule() const override { return JointRule::kFixed; }
-  std::string bound_text() const override {
-    return "1e-2 rad, 3 mm on a bar at a crank of 0.3 m: the multilevel paper (ABB IRB2400)";
-  }
+  ParallelogramErrors()
+      : Effect(
+            {.id = "parallelogram",
+             .summary = "four-bar bar-length and pivot errors",
+             .bound =
+                 "1e-2 rad, 3 mm on a bar at a crank of 0.3 m: the multilevel paper (ABB IRB2400)",
+             .joints = JointRule::kFixed}) {}
 
   std::vector<int> default_joints(const EffectContext& context) const override {
     const auto& linkage = context.robot().parallelogram;
@@ -37,22 +38,21 @@ class ParallelogramErrors final : public Effect {
     const std::string theta2 = "q" + std::to_string(crank);
     const std::string beta =
         "(" + Expression::number(linkage.angle).to_string() + " + th" + std::to_string(arm) + ")";
-    const auto add = [&](const std::string& suffix, const std::string& numerator) {
-      Parameter p = single_term(id(), {crank, arm}, suffix, "rad", kLargest, on_link(arm, 5),
-                                numerator + "/sin" + beta);
+    const auto add_wave = [&](const std::string& suffix, const std::string& numerator) {
+      Parameter& p = add(terms, {crank, arm}, suffix, "rad", kLargest, on_link(arm, 5),
+                         numerator + "/sin" + beta);
       // Bars that move a passive joint follow the link, with this error, and not its motor.
       for (int k = 1; k <= context.joint_count(); ++k) {
         if (!context.robot().is_passive(k)) continue;
         const double share = context.robot().followed_links(k)[arm - 1];
         if (std::abs(share) > 1e-9)
-          p.terms.push_back({on_link(k, 5), p.terms.front().basis, share, std::nullopt});
+          p.terms.push_back({on_link(k, 5), p.terms.front().basis, share});
       }
-      terms.parameters.push_back(std::move(p));
     };
-    add("bars", "1");
-    add("cranks", "cos" + beta);
-    add("pivot_x", "cos(" + theta2 + ")");
-    add("pivot_y", "sin(" + theta2 + ")");
+    add_wave("bars", "1");
+    add_wave("cranks", "cos" + beta);
+    add_wave("pivot_x", "cos(" + theta2 + ")");
+    add_wave("pivot_y", "sin(" + theta2 + ")");
     return terms;
   }
 

@@ -5,13 +5,12 @@ namespace {
 
 class ToolOffset final : public Effect {
  public:
-  std::string id() const override { return "tool_offset"; }
-  std::string summary() const override {
-    return "reflector (SMR) or TCP in the flange, each target its own";
-  }
-  Role role() const override { return Role::kPlacement; }
-  JointRule joint_rule() const override { return JointRule::kNone; }
-  std::string bound_text() const override { return "none: the reflector may sit anywhere"; }
+  ToolOffset()
+      : Effect({.id = "tool_offset",
+                .summary = "reflector (SMR) or TCP in the flange, each target its own",
+                .bound = "none: the reflector may sit anywhere",
+                .role = Role::kPlacement,
+                .joints = JointRule::kNone}) {}
 
   EffectTerms build(const EffectContext& context, const EffectRequest&) const override {
     EffectTerms terms;
@@ -19,10 +18,7 @@ class ToolOffset final : public Effect {
       for (int c = 0; c < (context.has_rotation(t) ? 6 : 3); ++c) {
         const std::string suffix =
             (context.targets > 1 ? "target" + std::to_string(t) + "_" : "") + kComponentNames[c];
-        Parameter p = single_term(id(), {}, suffix, c < 3 ? "m" : "rad", 0.0,
-                                  Coordinate{Place::kTool, t, c}, "1");
-        p.exported = false;
-        terms.parameters.push_back(p);
+        add(terms, {}, suffix, c < 3 ? "m" : "rad", 0.0, {Place::kTool, t, c}, "1");
       }
     }
     return terms;

@@ -5,14 +5,11 @@
 
 namespace armtrue {
 
-/// A parameter that adds coefficient × `growth` × nominal length on tx ty tz of the given links (0
-/// = base).
-Parameter grown_lengths(const Robot& robot, const std::string& effect,
-                        const std::vector<int>& joints, const std::string& suffix,
-                        const std::string& unit, double bound, const std::vector<int>& links,
-                        const std::string& growth);
-
-/// Links whose length belongs to joint k: that from frame k on, and for joint 1 also the base's.
-std::vector<int> links_of_joint(int joint);
+/// Adds a parameter that adds coefficient × `growth` × nominal length on tx ty tz of links `first`
+/// to `last` (0: the base; link k: from frame k to the next joint, in frame k).
+Parameter& grown_lengths(const EffectContext& context, const Effect& effect,
+                         const std::vector<int>& joints, const std::string& suffix,
+                         const std::string& unit, double bound, int first, int last,
+                         const std::string& growth, EffectTerms& terms);
 
 }  // namespace armtrue

@@ -8,24 +8,18 @@ namespace {
 
 class SelfHeating final : public Effect {
  public:
-  std::string id() const override { return "self_heating"; }
-  std::string summary() const override {
-    return "a gear's own warmth, later than any sensor: its zero and its link follow its duty or a "
-           "temperature, low-passed";
-  }
-  JointRule joint_rule() const override { return JointRule::kEach; }
-  DriveRule drive_rule() const override { return DriveRule::kEach; }
-  std::string bound_text() const override {
-    return "1e-3 rad and 1e-3 of the link's length at the largest warmth in the data: ours, five "
-           "times what gears show; time constant 5 min to 2 h";
-  }
-
-  std::vector<EffectOption> options() const override {
-    return {{"tau", "s", "time constant; the diagnosis tries several, default 1500"},
-            {"sensor", "string",
-             "temperature sensor that the gear follows, default its duty where that is recorded, "
-             "else the first"}};
-  }
+  SelfHeating()
+      : Effect(
+            {.id = "self_heating",
+             .summary = "a gear's own warmth, later than any sensor: its zero and its link follow "
+                        "its duty or a temperature, low-passed",
+             .bound = "1e-3 rad and 1e-3 of the link's length at the largest warmth in the data: "
+                      "ours, five times what gears show; time constant 5 min to 2 h",
+             .drives = DriveRule::kEach,
+             .options = {{"tau", "s", "time constant; the diagnosis tries several, default 1500"},
+                         {"sensor", "string",
+                          "temperature sensor that the gear follows, default its duty where that "
+                          "is recorded, else the first"}}}) {}
 
   std::vector<std::string> missing(const EffectContext& context,
                                    const std::vector<int>& joints) const override {
@@ -55,14 +49,12 @@ class SelfHeating final : public Effect {
       const double bound = largest > 0.0 ? kLargest / largest : kLargest;
       const std::string unit = motor_unit(context, k);
       const std::string of = sensor.empty() ? "/(" + unit + "/s)" : "/K";
-      Parameter zero = single_term(id(), {k}, "zero", unit + of, bound, motor(k), warmth);
-      Parameter growth =
-          grown_lengths(context.robot(), id(), {k}, "length", "1" + of, bound, {k}, warmth);
-      for (Parameter* p : {&zero, &growth}) {
-        p->exported = false;
-        if (!p->terms.empty()) terms.parameters.push_back(*p);
-      }
+      add(terms, {k}, "zero", unit + of, bound, motor(k), warmth);
+      if (grown_lengths(context, *this, {k}, "length", "1" + of, bound, k, k, warmth, terms)
+              .terms.empty())
+        terms.parameters.pop_back();
     }
+    for (Parameter& p : terms.parameters) p.exported = false;
     return terms;
   }
 

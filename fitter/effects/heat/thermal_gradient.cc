@@ -5,19 +5,13 @@ namespace {
 
 class ThermalGradient final : public Effect {
  public:
-  std::string id() const override { return "thermal_gradient"; }
-  std::string summary() const override {
-    return "one side of a link is warmer, and the link bends";
-  }
-  JointRule joint_rule() const override { return JointRule::kEach; }
-  std::string bound_text() const override {
-    return "3e-4 rad/K: ours, an aluminium link twelve times as long as it is thick bends by "
-           "alpha L / h";
-  }
-
-  std::vector<EffectOption> options() const override {
-    return {{"sensors", "[string]", "the two whose difference counts, default the last two"}};
-  }
+  ThermalGradient()
+      : Effect({.id = "thermal_gradient",
+                .summary = "one side of a link is warmer, and the link bends",
+                .bound = "3e-4 rad/K: ours, an aluminium link twelve times as long as it is thick "
+                         "bends by alpha L / h",
+                .options = {{"sensors", "[string]",
+                             "the two whose difference counts, default the last two"}}}) {}
 
   std::vector<std::string> missing(const EffectContext& context,
                                    const std::vector<int>&) const override {
@@ -36,9 +30,8 @@ class ThermalGradient final : public Effect {
     EffectTerms terms;
     for (const int k : request.joints) {
       for (int c = 3; c < 5; ++c) {
-        terms.parameters.push_back(single_term(id(), {k}, kComponentNames[c], "rad/K", kLargest,
-                                               on_link(k, c),
-                                               "dT_" + pair[0] + " - dT_" + pair[1]));
+        add(terms, {k}, kComponentNames[c], "rad/K", kLargest, on_link(k, c),
+            "dT_" + pair[0] + " - dT_" + pair[1]);
       }
     }
     return terms;

@@ -3,34 +3,23 @@
 namespace armtrue {
 namespace {
 
-class Nest final : public Effect {
+class Nest final : public SetUpEffect {
  public:
-  std::string id() const override { return "nest"; }
-  std::string summary() const override {
-    return "a reflector that was taken out sits elsewhere when it is put back";
-  }
-  Role role() const override { return Role::kMeasurement; }
-  JointRule joint_rule() const override { return JointRule::kNone; }
-  std::string bound_text() const override {
-    return "2e-4 m: ours, nests repeat to 5 to 40 um, more is a grain of dirt";
-  }
+  Nest()
+      : SetUpEffect({.id = "nest",
+                     .summary = "a reflector that was taken out sits elsewhere when it is put back",
+                     .bound = "2e-4 m: ours, nests repeat to 5 to 40 um, more is a grain of dirt",
+                     .role = Role::kMeasurement,
+                     .joints = JointRule::kNone}) {}
 
-  std::vector<std::string> missing(const EffectContext& context,
-                                   const std::vector<int>&) const override {
-    return missing_set_ups(context, "nest");
-  }
-
-  EffectTerms build(const EffectContext& context, const EffectRequest&) const override {
-    EffectTerms terms;
-    for (const int number : later_set_ups(context, "nest")) {
-      for (int c = 0; c < 3; ++c) {
-        std::vector<Coordinate> tools;
-        for (int t = 0; t < context.targets; ++t) tools.push_back({Place::kTool, t, c});
-        terms.parameters.push_back(
-            of_set_up(id(), "nest", number, kComponentNames[c], "m", kFurthest, tools));
-      }
+  std::vector<Places> places(const EffectContext& context) const override {
+    std::vector<Places> result;
+    for (int c = 0; c < 3; ++c) {
+      result.push_back({kComponentNames[c], "m", kFurthest, {}});
+      for (int t = 0; t < context.targets; ++t)
+        result.back().coordinates.push_back({Place::kTool, t, c});
     }
-    return terms;
+    return result;
   }
 
  private:

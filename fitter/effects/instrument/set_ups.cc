@@ -4,37 +4,43 @@
 #include <set>
 
 namespace armtrue {
+namespace {
 
-std::vector<int> later_set_ups(const EffectContext& context, const std::string& column) {
+// Numbers in `column` except the lowest; empty if one of them is not an integer.
+std::set<int> later_set_ups(const EffectContext& context, const std::string& column) {
   std::set<int> numbers;
   for (const double v : context.state.column(column)) {
     if (v != std::round(v)) return {};
     numbers.insert(static_cast<int>(v));
   }
   if (!numbers.empty()) numbers.erase(numbers.begin());
-  return {numbers.begin(), numbers.end()};
+  return numbers;
 }
 
-std::vector<std::string> missing_set_ups(const EffectContext& context, const std::string& column) {
-  if (!context.state.recorded(column)) return {column};
-  if (later_set_ups(context, column).empty())
-    return {"whole numbers of two set-ups in column " + column};
+}  // namespace
+
+std::vector<std::string> SetUpEffect::missing(const EffectContext& context,
+                                              const std::vector<int>&) const {
+  if (!context.state.recorded(id())) return {id()};
+  if (later_set_ups(context, id()).empty())
+    return {"whole numbers of two set-ups in column " + id()};
   return {};
 }
 
-Parameter of_set_up(const std::string& effect, const std::string& column, int number,
-                    const std::string& component, const std::string& unit, double bound,
-                    const std::vector<Coordinate>& places) {
-  const auto at = [&](int offset) { return std::to_string(number + offset); };
-  Parameter p = single_term(effect, {}, at(0) + "_" + component, unit, bound, places.front(),
-                            "hat(" + column + ", " + at(-1) + ", " + at(0) + ", " + at(1) + ")");
-  for (std::size_t i = 1; i < places.size(); ++i) {
-    Term term = p.terms.front();
-    term.coordinate = places[i];
-    p.terms.push_back(term);
+EffectTerms SetUpEffect::build(const EffectContext& context, const EffectRequest&) const {
+  EffectTerms terms;
+  for (const int number : later_set_ups(context, id())) {
+    const auto at = [&](int offset) { return std::to_string(number + offset); };
+    const std::string is_this = "hat(" + id() + ", " + at(-1) + ", " + at(0) + ", " + at(1) + ")";
+    for (const Places& p : places(context)) {
+      Parameter& shift = add(terms, {}, at(0) + "_" + p.component, p.unit, p.bound,
+                             p.coordinates.front(), is_this);
+      shift.terms.resize(p.coordinates.size(), Term(shift.terms.front()));
+      for (std::size_t i = 0; i < p.coordinates.size(); ++i)
+        shift.terms[i].coordinate = p.coordinates[i];
+    }
   }
-  p.exported = false;
-  return p;
+  return terms;
 }
 
 }  // namespace armtrue

@@ -1,5 +1,5 @@
-// Repeated set-ups of the instrument or a reflector: a column numbers them, and the lowest number
-// is the reference.
+// Repeated set-ups of the instrument or a reflector: the column with the effect's name numbers
+// them, and the lowest number is the reference.
 #pragma once
 
 #include <string>
@@ -9,15 +9,23 @@
 
 namespace armtrue {
 
-/// Numbers in `column` except the lowest; empty if one of them is not an integer.
-std::vector<int> later_set_ups(const EffectContext& context, const std::string& column);
+/// An effect with parameters of its own for every further set-up.
+class SetUpEffect : public Effect {
+ public:
+  using Effect::Effect;
+  /// The column itself, or whole numbers of two set-ups in it.
+  std::vector<std::string> missing(const EffectContext& context,
+                                   const std::vector<int>& joints) const override;
+  EffectTerms build(const EffectContext& context, const EffectRequest& request) const override;
 
-/// What is missing: `column` itself, or whole numbers of two set-ups in it; empty: nothing.
-std::vector<std::string> missing_set_ups(const EffectContext& context, const std::string& column);
-
-/// A parameter that acts only in set-up `number`, on all `places`.
-Parameter of_set_up(const std::string& effect, const std::string& column, int number,
-                    const std::string& component, const std::string& unit, double bound,
-                    const std::vector<Coordinate>& places);
+ protected:
+  /// Where a set-up acts: coordinates that share one parameter.
+  struct Places {
+    std::string component, unit;
+    double bound;
+    std::vector<Coordinate> coordinates;
+  };
+  virtual std::vector<Places> places(const EffectContext& context) const = 0;
+};
 
 }  // namespace armtrue

@@ -67,11 +67,11 @@ Sight line_of_sight(const EffectContext& context) {
 }
 
 // The base's virtual joint acts along the axes of the robot base, so the shift is turned into them.
-Parameter shift_of_point(const EffectContext& context, const std::string& effect,
-                         const std::string& suffix, const std::string& unit, double bound,
-                         const std::array<std::string, 3>& given) {
+void shift_of_point(const EffectContext& context, const Effect& effect, const std::string& suffix,
+                    const std::string& unit, double bound, const std::array<std::string, 3>& given,
+                    EffectTerms& terms) {
   const std::array<std::string, 3> shift = without_rigid_motion(context, given);
-  Parameter p;
+  Parameter* p = nullptr;
   for (int c = 0; c < 3; ++c) {
     std::string text;
     for (int axis = 0; axis < 3; ++axis) {
@@ -81,15 +81,12 @@ Parameter shift_of_point(const EffectContext& context, const std::string& effect
               Expression::number(context.measuring_from_base(axis, c)).to_string() + ")*" +
               shift[i];
     }
-    Parameter one = single_term(effect, {}, suffix, unit, bound, on_base(c), text);
-    if (c == 0) {
-      p = one;
+    if (p) {
+      p->terms.push_back({on_base(c), Expression::parse(text)});
     } else {
-      p.terms.push_back(one.terms.front());
+      p = &effect.add(terms, {}, suffix, unit, bound, on_base(c), text);
     }
   }
-  p.exported = false;
-  return p;
 }
 
 }  // namespace armtrue

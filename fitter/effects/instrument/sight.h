@@ -16,10 +16,10 @@ struct Sight {
 };
 Sight line_of_sight(const EffectContext& context);
 
-/// A parameter that moves the measured point by `shift` (expressions in the measuring frame),
+/// Adds a parameter that moves the measured point by `shift` (expressions in the measuring frame),
 /// without the part that moves all points of the campaign as one rigid body.
-Parameter shift_of_point(const EffectContext& context, const std::string& effect,
-                         const std::string& suffix, const std::string& unit, double bound,
-                         const std::array<std::string, 3>& shift);
+void shift_of_point(const EffectContext& context, const Effect& effect, const std::string& suffix,
+                    const std::string& unit, double bound, const std::array<std::string, 3>& shift,
+                    EffectTerms& terms);
 
 }  // namespace armtrue

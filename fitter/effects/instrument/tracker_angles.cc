@@ -5,19 +5,15 @@ namespace {
 
 class TrackerAngles final : public Effect {
  public:
-  std::string id() const override { return "tracker_angles"; }
-  std::string summary() const override {
-    return "the instrument's circles sit off their axes, or are oval: errors once or twice a turn";
-  }
-  Role role() const override { return Role::kMeasurement; }
-  JointRule joint_rule() const override { return JointRule::kNone; }
-  std::string bound_text() const override {
-    return "1e-4 rad once a turn, half of it twice: ours, twice what a tracker out of calibration "
-           "shows";
-  }
-  std::vector<EffectOption> options() const override {
-    return {{"orders", "[int]", "1, once a turn, and 2, twice; default [1]"}};
-  }
+  TrackerAngles()
+      : Effect({.id = "tracker_angles",
+                .summary = "the instrument's circles sit off their axes, or are oval: errors once "
+                           "or twice a turn",
+                .bound = "1e-4 rad once a turn, half of it twice: ours, twice what a tracker out "
+                         "of calibration shows",
+                .role = Role::kMeasurement,
+                .joints = JointRule::kNone,
+                .options = {{"orders", "[int]", "1, once a turn, and 2, twice; default [1]"}}}) {}
 
   // An azimuth error turns the point about the instrument's vertical axis, an elevation error about
   // the horizontal axis across the line of sight. Order 2: the second-order errors of a tracker's
@@ -26,15 +22,14 @@ class TrackerAngles final : public Effect {
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     const Sight s = line_of_sight(context);
     EffectTerms terms;
-    const auto add = [&](const std::string& suffix, int order, const std::string& wave,
-                         bool is_azimuth) {
+    const auto add_wave = [&](const std::string& suffix, int order, const std::string& wave,
+                              bool is_azimuth) {
       const std::string along = wave + "*";
       const std::array<std::string, 3> azimuth{"(-1)*" + along + s.y, along + s.x, ""};
       const std::string down = "(-1)*" + along + s.z + "/" + s.across + "*";
       const std::array<std::string, 3> elevation{down + s.x, down + s.y, along + s.across};
-      terms.parameters.push_back(
-          shift_of_point(context, id(), suffix + (order == 1 ? "" : std::to_string(order)), "rad",
-                         kLargest / order, is_azimuth ? azimuth : elevation));
+      shift_of_point(context, *this, suffix + (order == 1 ? "" : std::to_string(order)), "rad",
+                     kLargest / order, is_azimuth ? azimuth : elevation, terms);
     };
     for (const int order : request.options.value("orders", std::vector<int>{1})) {
       if (order != 1 && order != 2) {
@@ -43,10 +38,10 @@ class TrackerAngles final : public Effect {
       }
       const auto add_circle = [&](const std::string& circle, const std::string& sine,
                                   const std::string& cosine, bool is_azimuth) {
-        add(circle + "_sin", order, order == 1 ? sine : "(2*" + sine + "*" + cosine + ")",
-            is_azimuth);
-        add(circle + "_cos", order, order == 1 ? cosine : "(" + cosine + "^2 - " + sine + "^2)",
-            is_azimuth);
+        add_wave(circle + "_sin", order, order == 1 ? sine : "(2*" + sine + "*" + cosine + ")",
+                 is_azimuth);
+        add_wave(circle + "_cos", order,
+                 order == 1 ? cosine : "(" + cosine + "^2 - " + sine + "^2)", is_azimuth);
       };
       add_circle("azimuth", "(" + s.y + "/" + s.across + ")", "(" + s.x + "/" + s.across + ")",
                  true);

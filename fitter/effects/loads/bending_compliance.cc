@@ -11,20 +11,15 @@ namespace {
 
 class BendingCompliance final : public Effect {
  public:
-  std::string id() const override { return "bending_compliance"; }
-  std::string summary() const override { return "link or bearing bends off its axis"; }
-  JointRule joint_rule() const override { return JointRule::kEach; }
-  std::string bound_text() const override {
-    return "0 to 5e-3 rad under the largest moment in the data, at most 1e-3 rad/Nm (2e-4 where "
-           "nobody knows the moments): ours, half of what a gear may yield, for a bearing is "
-           "stiffer";
-  }
-
-  std::vector<EffectOption> options() const override {
-    return {{"shape", "string",
-             "hinge (default: all of the link turns at its joint, by the whole moment there) or "
-             "beam (it bends along its length)"}};
-  }
+  BendingCompliance()
+      : Effect({.id = "bending_compliance",
+                .summary = "link or bearing bends off its axis",
+                .bound = "0 to 5e-3 rad under the largest moment in the data, at most 1e-3 rad/Nm "
+                         "(2e-4 where nobody knows the moments): ours, half of what a gear may "
+                         "yield, for a bearing is stiffer",
+                .options = {{"shape", "string",
+                             "hinge (default: all of the link turns at its joint, by the whole "
+                             "moment there) or beam (it bends along its length)"}}}) {}
 
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     const std::string shape = request.options.value("shape", "hinge");
@@ -37,7 +32,7 @@ class BendingCompliance final : public Effect {
       if (shape == "beam") {
         add_beam(context, k, terms);
       } else {
-        add_hinge(context, k, terms);
+        add_tilting(context, *this, k, {kLargest, kSoftest, kUnknown}, terms);
       }
     }
     return terms;
@@ -60,26 +55,6 @@ class BendingCompliance final : public Effect {
   // A moment about each axis of link k, as sums of weighted state variables.
   using Sum = std::vector<std::pair<double, std::string>>;  // weight, expression
   using Moment = std::array<Sum, 3>;
-
-  void add_hinge(const EffectContext& context, int k, EffectTerms& terms) const {
-    for (int c = 0; c < 2; ++c) {
-      const std::string axis = c == 0 ? "x" : "y";
-      const std::string joint = std::to_string(k);
-      const std::string moment = "gm" + axis + joint;
-      const Coordinate place = on_link(k, 3 + c);
-      if (context.state.has(moment)) {
-        Parameter p = single_term(id(), {k}, "r" + axis, "rad/Nm",
-                                  softest(context, moment, kLargest, kSoftest), place, moment);
-        p.sign = 1;
-        p.alike = true;  // a round bearing is as soft about x as about y
-        terms.parameters.push_back(p);
-      } else {
-        append(terms, gravity_regressor_terms(context, id(), {k}, "u" + axis + "_" + joint,
-                                              "up" + axis + "_" + joint, place, kUnknown,
-                                              "r" + axis + "_"));
-      }
-    }
-  }
 
   // Why link k is not a beam; empty if it is one.
   static std::string not_a_beam(const EffectContext& context, int k) {
@@ -112,7 +87,7 @@ class BendingCompliance final : public Effect {
     return m;
   }
 
-  static void add(const Sum& from, double weight, const std::string& factor, Sum& to) {
+  static void add_sum(const Sum& from, double weight, const std::string& factor, Sum& to) {
     if (std::abs(weight) < 1e-9) return;
     for (const auto& [share, name] : from) to.emplace_back(weight * share, name + factor);
   }
@@ -122,16 +97,17 @@ class BendingCompliance final : public Effect {
     const Moment own = moment_at(context, k + 1);
     const std::string angle = "th" + std::to_string(k + 1);
     Moment turned;
-    add(own[0], 1.0, "*cos(" + angle + ")", turned[0]);
-    add(own[1], -1.0, "*sin(" + angle + ")", turned[0]);
-    add(own[0], 1.0, "*sin(" + angle + ")", turned[1]);
-    add(own[1], 1.0, "*cos(" + angle + ")", turned[1]);
+    add_sum(own[0], 1.0, "*cos(" + angle + ")", turned[0]);
+    add_sum(own[1], -1.0, "*sin(" + angle + ")", turned[0]);
+    add_sum(own[0], 1.0, "*sin(" + angle + ")", turned[1]);
+    add_sum(own[1], 1.0, "*cos(" + angle + ")", turned[1]);
     turned[2] = own[2];
     const Eigen::Matrix3d axes = context.robot().joints[static_cast<std::size_t>(k)].fixed.linear();
     Moment m;
     for (int r = 0; r < 3; ++r) {
       for (int c = 0; c < 3; ++c)
-        add(turned[static_cast<std::size_t>(c)], axes(r, c), "", m[static_cast<std::size_t>(r)]);
+        add_sum(turned[static_cast<std::size_t>(c)], axes(r, c), "",
+                m[static_cast<std::size_t>(r)]);
     }
     return m;
   }
@@ -145,10 +121,11 @@ class BendingCompliance final : public Effect {
     Moment m;
     for (int i = 0; i < 3; ++i) {
       const std::string by = "_" + joint + "_" + "xyz"[i];
-      add({{1.0, "ux_" + joint + by}}, mass * centre[i], "", m[0]);
-      add({{1.0, "uy_" + joint + by}}, mass * centre[i], "", m[1]);
+      add_sum({{1.0, "ux_" + joint + by}}, mass * centre[i], "", m[0]);
+      add_sum({{1.0, "uy_" + joint + by}}, mass * centre[i], "", m[1]);
       for (int j = 0; j < k; ++j)
-        add({{of_drives(k - 1, j), "u_" + std::to_string(j + 1) + by}}, mass * centre[i], "", m[2]);
+        add_sum({{of_drives(k - 1, j), "u_" + std::to_string(j + 1) + by}}, mass * centre[i], "",
+                m[2]);
     }
     return m;
   }
@@ -165,8 +142,8 @@ class BendingCompliance final : public Effect {
     for (std::size_t c = 0; c < 3; ++c) {
       const double own = axis[static_cast<Eigen::Index>(c)];
       for (const Share& share : shares) {
-        add(share.moment[c], own * share.turns, "", slope);
-        add(share.moment[c], own * (share.shifts - share.turns), "", beyond);
+        add_sum(share.moment[c], own * share.turns, "", slope);
+        add_sum(share.moment[c], own * (share.shifts - share.turns), "", beyond);
       }
     }
     const Eigen::Vector3d sideways = axis.cross(span);
@@ -196,33 +173,32 @@ class BendingCompliance final : public Effect {
     const Moment weight = moment_of_weight(
         context, k, context.robot().links[static_cast<std::size_t>(k - 1)].com_in_frame);
     const Moment spread = moment_of_weight(context, k, 0.5 * span);
-    const auto begin = [&](const std::string& name) {
-      Parameter p = single_term(id(), {k}, name, "rad/Nm", kSoftest, on_link(k, 3), "0");
+    const auto begin = [&](const std::string& name) -> Parameter& {
+      Parameter& p = add(terms, {k}, name, "rad/Nm", kSoftest, on_link(k, 3), "0");
       p.sign = 1;
       p.terms.clear();
       return p;
     };
+    double bound = kSoftest;
     for (const auto& [name, axis] : {std::pair{"plane1", first}, std::pair{"plane2", second}}) {
-      Parameter p = begin(name);
+      Parameter& p = begin(name);
       add_bending(k, axis, span,
                   {{root, 1.0 / 2.0, 1.0 / 3.0},
                    {end, 1.0 / 2.0, 1.0 / 6.0},
                    {weight, -1.0 / 2.0, -1.0 / 3.0}},
                   p);
-      p.bound = bound_of(context, k, axis, p);
-      terms.parameters.push_back(std::move(p));
+      p.bound = bound = bound_of(context, k, axis, p);
     }
-    Parameter own = begin("own_weight");
+    Parameter& own = begin("own_weight");
     for (const Eigen::Vector3d& axis : {first, second})
       add_bending(k, axis, span, {{spread, 1.0 / 3.0, 1.0 / 4.0}}, own);
-    own.bound = std::min(terms.parameters.back().bound, bound_of(context, k, second, own));
-    terms.parameters.push_back(std::move(own));
+    own.bound = std::min(bound, bound_of(context, k, second, own));
   }
 
   static void add_terms(Coordinate place, const Sum& sum, double weight, Parameter& p) {
     if (std::abs(weight) < 1e-9) return;
     for (const auto& [share, name] : sum)
-      p.terms.push_back({place, Expression::parse(name), weight * share, std::nullopt});
+      p.terms.push_back({place, Expression::parse(name), weight * share});
   }
 
   // The compliance at which the link turns about `axis` by kLargest.
@@ -236,8 +212,8 @@ class BendingCompliance final : public Effect {
         for (std::size_t i = 0; i < turn.size(); ++i) turn[i] += axis[c] * term.weight * basis[i];
       }
     }
-    double largest = 0.0;
-    for (const double angle : turn) largest = std::max(largest, std::abs(angle));
+    const double largest =
+        Eigen::Map<Eigen::ArrayXd>(turn.data(), std::ssize(turn)).abs().maxCoeff();
     return largest * kSoftest > kLargest ? kLargest / largest : kSoftest;
   }
 };

@@ -5,24 +5,21 @@ namespace {
 
 class GravityDirection final : public LoadEffect {
  public:
-  std::string id() const override { return "gravity_direction"; }
-  std::string summary() const override { return "robot base is not level"; }
-  double relative_odds() const override { return kOnMostArms; }
-  std::string bound_text() const override {
-    return "5e-2 rad: ours, a floor that slopes by 3 degrees is seen by eye";
-  }
+  GravityDirection()
+      : LoadEffect({.id = "gravity_direction",
+                    .summary = "robot base is not level",
+                    .bound = "5e-2 rad: ours, a floor that slopes by 3 degrees is seen by eye",
+                    .relative_odds = kOnMostArms}) {}
 
   EffectTerms build(const EffectContext& context, const EffectRequest&) const override {
     EffectTerms terms;
     for (const std::string about : {"x", "y"}) {
-      Parameter p = load_change(
-          context, id(), "r" + about, "rad", kLargest, kUsual, [&](const Variable& load) {
-            const std::string of = load.kind == VariableKind::kTorque
-                                       ? "tilt_"
-                                       : (load.axis == 0 ? "tiltx_" : "tilty_");
-            return of + std::to_string(load.joint) + "_" + about;
-          });
-      if (!p.terms.empty()) terms.parameters.push_back(std::move(p));
+      const auto change = [&](const Variable& load) {
+        const std::string of =
+            load.kind == VariableKind::kTorque ? "tilt_" : (load.axis == 0 ? "tiltx_" : "tilty_");
+        return of + std::to_string(load.joint) + "_" + about;
+      };
+      add_change(context, "r" + about, "rad", kLargest, kUsual, change, terms);
     }
     return terms;
   }

@@ -5,17 +5,24 @@
 
 namespace armtrue {
 
-/// One parameter for each of the arm's gravity regressors `regressor`_J_C (links J beyond the
-/// joint, C = m, x, y, z) on `coordinate`, and one for the payload where it is recorded. Which of
-/// them the data can tell apart (the base parameters) is decided from the data by the
-/// identifiability analysis, as for geometry (Khalil and Dombre, Modeling, Identification and
-/// Control of Robots, 9.4, for base parameters).
-EffectTerms gravity_regressor_terms(const EffectContext& context, const std::string& effect,
-                                    const std::vector<int>& joints, const std::string& regressor,
-                                    const std::string& payload_regressor, Coordinate coordinate,
-                                    double softest, const std::string& prefix = "");
+/// Adds one parameter for each of the arm's gravity regressors u`load`_J_C (links J beyond the
+/// joint, C = m, x, y, z; `load`: "_2", or "x_0" for the base's moment about x) on `coordinate`,
+/// and one for the payload where it is recorded. Which of them the data can tell apart (the base
+/// parameters) is decided from the data by the identifiability analysis, as for geometry (Khalil
+/// and Dombre, Modeling, Identification and Control of Robots, 9.4, for base parameters).
+void add_gravity_regressors(const EffectContext& context, const Effect& effect,
+                            const std::vector<int>& joints, const std::string& load,
+                            Coordinate coordinate, double softest, const std::string& prefix,
+                            EffectTerms& terms);
 
-/// Moves the terms of `more` to the end of `terms`.
-void append(EffectTerms& terms, EffectTerms more);
+/// Largest turn [rad], compliance [rad/Nm], and compliance if the moments are unknown.
+struct Softness {
+  double largest, softest, unknown;
+};
+
+/// Adds parameters of a bearing, or of the base (`link` 0), that gravity's moments about x and y of
+/// its frame tilt.
+void add_tilting(const EffectContext& context, const Effect& effect, int link,
+                 const Softness& limits, EffectTerms& terms);
 
 }  // namespace armtrue

@@ -16,43 +16,38 @@ std::string regressor(const Variable& load, int link, const std::string& compone
 
 class MassParameters final : public LoadEffect {
  public:
-  std::string id() const override { return "mass_parameters"; }
-  std::string summary() const override {
-    return "masses, centres of mass or the payload's centre are not as stated";
-  }
-  double relative_odds() const override { return kOnMostArms; }
-  std::string bound_text() const override {
-    return "each mass by itself, each centre by 0.1 m: ours, data sheets are 20 % and 15 mm off";
-  }
+  MassParameters()
+      : LoadEffect({.id = "mass_parameters",
+                    .summary = "masses, centres of mass or the payload's centre are not as stated",
+                    .bound = "each mass by itself, each centre by 0.1 m: ours, data sheets are 20 "
+                             "% and 15 mm off",
+                    .relative_odds = kOnMostArms}) {}
 
   EffectTerms build(const EffectContext& context, const EffectRequest&) const override {
     EffectTerms terms;
-    const auto add = [&](Parameter p) {
-      if (!p.terms.empty()) terms.parameters.push_back(std::move(p));
-    };
     const int n = context.joint_count();
     for (int link = 1; link <= n; ++link) {
       const Link& stated = context.robot().links[static_cast<std::size_t>(link - 1)];
       if (!(stated.mass > 0.0)) continue;
-      const auto add_one = [&](const std::string& component, const char* unit, double furthest,
-                               double usual) {
-        add(load_change(context, id(), "link" + std::to_string(link) + "_" + component, unit,
-                        stated.mass * furthest, stated.mass * usual,
-                        [&](const Variable& load) { return regressor(load, link, component); }));
+      const auto add = [&](const std::string& component, const char* unit, double furthest,
+                           double usual) {
+        add_change(
+            context, "link" + std::to_string(link) + "_" + component, unit, stated.mass * furthest,
+            stated.mass * usual,
+            [&](const Variable& load) { return regressor(load, link, component); }, terms);
       };
-      add_one("m", "kg", 1.0, kUsualShare);
+      add("m", "kg", 1.0, kUsualShare);
       // A first moment has the error of its centre and that of its mass.
       for (int axis = 0; axis < 3; ++axis) {
         const double arm = std::abs(stated.com_in_frame[axis]);
-        add_one({"xyz"[axis]}, "kg m", kFurthest + arm, std::hypot(kUsualShift, kUsualShare * arm));
+        add({"xyz"[axis]}, "kg m", kFurthest + arm, std::hypot(kUsualShift, kUsualShare * arm));
       }
     }
-    if (context.state.recorded("payload")) {
-      for (const std::string component : {"x", "y", "z"}) {
-        add(load_change(
-            context, id(), "payload_" + component, "m", kFurthest, kUsualShift,
-            [&](const Variable& load) { return "payload*" + regressor(load, n, component); }));
-      }
+    if (!context.state.recorded("payload")) return terms;
+    for (const std::string component : {"x", "y", "z"}) {
+      add_change(
+          context, "payload_" + component, "m", kFurthest, kUsualShift,
+          [&](const Variable& load) { return "payload*" + regressor(load, n, component); }, terms);
     }
     return terms;
   }

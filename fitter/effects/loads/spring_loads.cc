@@ -13,26 +13,29 @@ bool is_zero(const State& state, const Expression& basis) {
 
 }  // namespace
 
-Parameter load_change(const EffectContext& context, const std::string& effect,
-                      const std::string& suffix, const std::string& unit, double bound,
-                      double usual, const std::function<std::string(const Variable&)>& change) {
-  Parameter p;
-  p.name = parameter_name(effect, {}, suffix);
-  p.effect = effect;
-  p.unit = unit;
-  p.bound = bound;
-  p.usual = usual;
-  p.prior_sigma = usual;
+LoadEffect::LoadEffect(EffectTraits traits)
+    : Effect([&] {
+        traits.joints = JointRule::kNone;
+        traits.reads_springs = true;
+        return std::move(traits);
+      }()) {}
+
+void LoadEffect::add_change(const EffectContext& context, const std::string& suffix,
+                            const std::string& unit, double bound, double usual,
+                            const std::function<std::string(const Variable&)>& change,
+                            EffectTerms& terms) const {
+  Parameter& p = add(terms, {}, suffix, unit, bound, {}, "0");
+  p.usual = p.prior_sigma = usual;
+  p.terms.clear();
   for (const Spring& spring : context.springs) {
     const auto load = parse_variable(spring.load, context.joint_count());
     const std::string text = load ? change(*load) : "";
     if (text.empty()) continue;
-    const Expression basis =
-        Expression::apply(Expression::Op::kMultiply, {spring.yields, Expression::parse(text)});
+    const Expression basis = spring.yields * Expression::parse(text);
     if (!is_zero(context.state, basis))
-      p.terms.push_back({spring.coordinate, basis, spring.compliance, std::nullopt});
+      p.terms.push_back({spring.coordinate, basis, spring.compliance});
   }
-  return p;
+  if (p.terms.empty()) terms.parameters.pop_back();
 }
 
 std::vector<std::string> LoadEffect::missing(const EffectContext& context,

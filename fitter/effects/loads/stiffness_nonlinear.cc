@@ -9,22 +9,19 @@ namespace {
 
 class StiffnessNonlinear final : public Effect {
  public:
-  std::string id() const override { return "stiffness_nonlinear"; }
-  std::string summary() const override { return "hardening spring (strain-wave gear)"; }
-  JointRule joint_rule() const override { return JointRule::kEach; }
-  DriveRule drive_rule() const override { return DriveRule::kEach; }
-  std::string bound_text() const override {
-    return "5e-3 rad (1 mm where it slides) at the largest load in the data, each; the square "
-           "only hardens: ours, half of what a spring may yield; a soft zone gives way by 0 to "
-           "2e-3 rad (0.4 mm): ours, twice the lost motion that gears are sold with";
-  }
-
-  std::vector<EffectOption> options() const override {
-    return {{"soft", "bool", "with a zone about zero load in which the gear is softer"},
-            {"soft_torque", "Nm", "load at which that zone ends, default found from the data"}};
-  }
-
-  std::vector<std::string> searched_options() const override { return {"soft_torque"}; }
+  StiffnessNonlinear()
+      : Effect({.id = "stiffness_nonlinear",
+                .summary = "hardening spring (strain-wave gear)",
+                .bound = "5e-3 rad (1 mm where it slides) at the largest load in the data, each; "
+                         "the square only hardens: ours, half of what a spring may yield; a soft "
+                         "zone gives way by 0 to 2e-3 rad (0.4 mm): ours, twice the lost motion "
+                         "that gears are sold with",
+                .drives = DriveRule::kEach,
+                .options = {{"soft", "bool",
+                             "with a zone about zero load in which the gear is softer"},
+                            {"soft_torque", "Nm",
+                             "load at which that zone ends, default found from the data"}},
+                .searched = {"soft_torque"}}) {}
 
   std::vector<int> default_joints(const EffectContext& context) const override {
     return gravity_loaded_joints(context);
@@ -48,27 +45,35 @@ class StiffnessNonlinear final : public Effect {
       const double load = std::max(largest_of(context, tau), kLeastLoad);
       const double most = on_motor(context, k, kLargest, kFurthest);
       // A wound-up gear engages more of its teeth, so it becomes stiffer.
-      Parameter square = single_term(id(), {k}, "square", per + "^2", most / std::pow(load, 2),
-                                     motor(k), tau + "*abs(" + tau + ")");
-      square.sign = -1;
-      terms.parameters.push_back(square);
-      terms.parameters.push_back(single_term(id(), {k}, "cube", per + "^3",
-                                             most / std::pow(load, 3), motor(k), tau + "^3"));
-      if (request.options.value("soft", false)) {
-        const std::string end = end_of_soft_zone(k, load, request, terms);
-        Parameter soft = single_term(id(), {k}, "soft", motor_unit(context, k),
-                                     on_motor(context, k, kSoftest, kSoftestSlide), motor(k),
-                                     "tanh(" + tau + "/" + end + ")");
-        soft.sign = 1;  // it yields to the load
-        terms.parameters.push_back(soft);
-      }
+      add(terms, {k}, "square", per + "^2", most / std::pow(load, 2), motor(k),
+          tau + "*abs(" + tau + ")")
+          .sign = -1;
+      add(terms, {k}, "cube", per + "^3", most / std::pow(load, 3), motor(k), tau + "^3");
+      if (!request.options.value("soft", false)) continue;
+      std::vector<double> starts;
+      for (const double share : kSoftShares) starts.push_back(share * load);
+      const std::string end =
+          number_or_unknown(request,
+                            {"stiffness_nonlinear_soft_torque_" + std::to_string(k),
+                             id(),
+                             {k},
+                             "Nm",
+                             starts.front(),
+                             0.01 * load,
+                             0.5 * load,
+                             starts,
+                             "soft_torque"},
+                            terms);
+      add(terms, {k}, "soft", motor_unit(context, k), on_motor(context, k, kSoftest, kSoftestSlide),
+          motor(k),
+          "tanh(" + tau + "/" + end + ")")
+          .sign = 1;  // it yields to the load
     }
     return terms;
   }
 
   std::vector<EffectRequest> candidates(const EffectContext& context) const override {
-    std::vector<EffectRequest> result;
-    for (int k = 1; k <= context.joint_count(); ++k) result.push_back({id(), {k}});
+    std::vector<EffectRequest> result = Effect::candidates(context);
     for (const int k : default_joints(context)) {
       const std::string tau = "tau" + std::to_string(k);
       if (!context.state.has(tau)) continue;
@@ -80,21 +85,7 @@ class StiffnessNonlinear final : public Effect {
   }
 
  private:
-  // The load at which the soft zone of joint `k` ends, as a number or as the name of an unknown;
-  // `load` is the largest in the data.
-  std::string end_of_soft_zone(int k, double load, const EffectRequest& request,
-                               EffectTerms& terms) const {
-    if (request.options.contains("soft_torque"))
-      return Expression::number(request.options["soft_torque"].get<double>()).to_string();
-    const std::string name = "stiffness_nonlinear_soft_torque_" + std::to_string(k);
-    std::vector<double> starts;
-    for (const double share : kSoftShares) starts.push_back(share * load);
-    terms.nonlinear.push_back(
-        {name, id(), {k}, "Nm", starts.front(), 0.01 * load, 0.5 * load, starts, "soft_torque"});
-    return name;
-  }
-
-  // Ends of the soft zone that are tried, as shares of the largest load.
+  // Loads at which the soft zone may end, as shares of the largest load.
   static constexpr std::array<double, 4> kSoftShares = {0.03, 0.06, 0.12, 0.25};
   static constexpr double kSoftest = 2e-3, kSoftestSlide = 4e-4;  // [rad], [m]
   static constexpr double kLargest = 5e-3, kFurthest = 1e-3;      // [rad], [m]

@@ -1,5 +1,3 @@
-#include <cmath>
-
 #include "fitter/effects/effect.h"
 
 namespace armtrue {
@@ -7,21 +5,15 @@ namespace {
 
 class CouplingHarmonics final : public Effect {
  public:
-  std::string id() const override { return "coupling_harmonics"; }
-  std::string summary() const override {
-    return "hollow wrists: the waves of one joint's gears turn another";
-  }
-  JointRule joint_rule() const override { return JointRule::kPair; }
-  DriveRule drive_rule() const override { return DriveRule::kDriving; }
-  std::string bound_text() const override {
-    return "2.5e-3 rad: ours, that of gear_harmonics, for the same gears make them";
-  }
-
-  std::vector<EffectOption> options() const override {
-    return {{"orders", "[int]", "cycles per turn of the driving joint, default [1, 2]"}};
-  }
-
-  std::vector<std::string> told_apart_by() const override { return {"orders"}; }
+  CouplingHarmonics()
+      : Effect({.id = "coupling_harmonics",
+                .summary = "hollow wrists: the waves of one joint's gears turn another",
+                .bound = "2.5e-3 rad: ours, that of gear_harmonics, for the same gears make them",
+                .joints = JointRule::kPair,
+                .drives = DriveRule::kDriving,
+                .options = {{"orders", "[int]",
+                             "cycles per turn of the driving joint, default [1, 2]"}},
+                .told_apart = {"orders"}}) {}
 
   std::vector<int> default_joints(const EffectContext& context) const override {
     const int n = context.joint_count();
@@ -31,7 +23,7 @@ class CouplingHarmonics final : public Effect {
     for (int driven = 2; driven <= n; ++driven) {
       if (!context.robot().is_passive(driven)) continue;
       for (int driving = 1; driving < driven; ++driving) {
-        if (turns_with(context, driven, driving)) add_pair(driven, driving, pairs);
+        if (are_parallel(context, driving, driven)) add_pair(driven, driving, pairs);
       }
     }
     return pairs;
@@ -51,9 +43,8 @@ class CouplingHarmonics final : public Effect {
         const std::string number = std::to_string(order);
         const std::string angle = (order == 1 ? "" : number + "*") + turning;
         for (const std::string wave : {"sin", "cos"}) {
-          terms.parameters.push_back(single_term(id(), {driven, driving}, wave + number, "rad",
-                                                 kLargest, motor(driven),
-                                                 wave + "(" + angle + ")"));
+          add(terms, {driven, driving}, wave + number, "rad", kLargest, motor(driven),
+              wave + "(" + angle + ")");
         }
       }
     }
@@ -78,16 +69,6 @@ class CouplingHarmonics final : public Effect {
       if (pairs[i] == driven && pairs[i + 1] == driving) return;
     }
     pairs.insert(pairs.end(), {driven, driving});
-  }
-
-  // Whether the axes of joints `driven` and `driving` are parallel at any joint angles.
-  static bool turns_with(const EffectContext& context, int driven, int driving) {
-    for (int k = driving; k <= driven; ++k) {
-      if (context.prismatic(k)) return false;
-      const Pose& fixed = context.robot().joints[static_cast<std::size_t>(k - 1)].fixed;
-      if (k > driving && std::abs(fixed.linear()(2, 2)) < 1.0 - 1e-6) return false;
-    }
-    return true;
   }
 
   // The bars that move a passive joint depend on the orientation of link `driving` in their plane:

@@ -16,35 +16,29 @@ struct Wave {
 
 class GearMesh final : public Effect {
  public:
-  std::string id() const override { return "gear_mesh"; }
-  std::string summary() const override {
-    return "errors once or twice per turn of a motor, screw or pinion, or of a stage in between";
-  }
-  JointRule joint_rule() const override { return JointRule::kEach; }
-  DriveRule drive_rule() const override { return DriveRule::kEach; }
-  std::string bound_text() const override {
-    return "2.5e-3 rad: 5 to 40 arcsec usual, strain-wave gears up to 1 arcmin; of a joint that "
-           "slides 5e-4 m: ball screws of ISO 3408 wobble by 3 to 10 um a turn, worn or bent ones "
-           "and pinions off their centre by 100 um";
-  }
-
-  std::vector<EffectOption> options() const override {
-    return {{"orders", "[number]",
-             "cycles per motor turn (where the joint slides: per turn of its screw or pinion), "
-             "default [1]"},
-            {"ratio", "number", "motor turns per joint turn, default robot.yaml's gear_ratio"},
-            {"cycles", "[number]", "cycles per joint turn, in place of orders and ratio"},
-            {"lead", "m",
-             "of a joint that slides: travel per turn of its screw or pinion, default robot.yaml's "
-             "lead"},
-            {"wavelengths", "[m]",
-             "of a joint that slides: lengths of the waves, in place of orders and lead"},
-            {"find", "bool", "fine-tune cycles or wavelengths to the data, starting from these"}};
-  }
-
-  std::vector<std::string> told_apart_by() const override {
-    return {"orders", "cycles", "wavelengths"};
-  }
+  GearMesh()
+      : Effect({.id = "gear_mesh",
+                .summary = "errors once or twice per turn of a motor, screw or pinion, or of a "
+                           "stage in between",
+                .bound = "2.5e-3 rad: 5 to 40 arcsec usual, strain-wave gears up to 1 arcmin; of a "
+                         "joint that slides 5e-4 m: ball screws of ISO 3408 wobble by 3 to 10 um a "
+                         "turn, worn or bent ones and pinions off their centre by 100 um",
+                .drives = DriveRule::kEach,
+                .options =
+                    {{"orders", "[number]",
+                      "cycles per motor turn (where the joint slides: per turn of its screw or "
+                      "pinion), default [1]"},
+                     {"ratio", "number",
+                      "motor turns per joint turn, default robot.yaml's gear_ratio"},
+                     {"cycles", "[number]", "cycles per joint turn, in place of orders and ratio"},
+                     {"lead", "m",
+                      "of a joint that slides: travel per turn of its screw or pinion, default "
+                      "robot.yaml's lead"},
+                     {"wavelengths", "[m]",
+                      "of a joint that slides: lengths of the waves, in place of orders and lead"},
+                     {"find", "bool",
+                      "fine-tune cycles or wavelengths to the data, starting from these"}},
+                .told_apart = {"orders", "cycles", "wavelengths"}}) {}
 
   std::vector<int> default_joints(const EffectContext& context) const override {
     std::vector<int> joints;
@@ -85,10 +79,8 @@ class GearMesh final : public Effect {
         }
         const std::string angle = slides ? "2*pi*" + q + "/" + period : period + "*" + q;
         for (const std::string wave : {"sin", "cos"}) {
-          terms.parameters.push_back(single_term(id(), {k}, wave + waves[i].label,
-                                                 motor_unit(context, k),
-                                                 on_motor(context, k, kLargest, kLargestOfASlide),
-                                                 motor(k), wave + "(" + angle + ")"));
+          add(terms, {k}, wave + waves[i].label, motor_unit(context, k),
+              on_motor(context, k, kLargest, kLargestOfASlide), motor(k), wave + "(" + angle + ")");
         }
       }
     }

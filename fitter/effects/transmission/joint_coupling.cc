@@ -5,13 +5,12 @@ namespace {
 
 class JointCoupling final : public Effect {
  public:
-  std::string id() const override { return "joint_coupling"; }
-  std::string summary() const override { return "wrist gears that turn each other"; }
-  JointRule joint_rule() const override { return JointRule::kPair; }
-  DriveRule drive_rule() const override { return DriveRule::kDriving; }
-  std::string bound_text() const override {
-    return "2e-2 rad/rad: residual coupling is tens of arcseconds";
-  }
+  JointCoupling()
+      : Effect({.id = "joint_coupling",
+                .summary = "wrist gears that turn each other",
+                .bound = "2e-2 rad/rad: residual coupling is tens of arcseconds",
+                .joints = JointRule::kPair,
+                .drives = DriveRule::kDriving}) {}
 
   std::vector<int> default_joints(const EffectContext& context) const override {
     const int n = context.joint_count();
@@ -29,8 +28,7 @@ class JointCoupling final : public Effect {
                          " cannot drive itself");
       const std::string unit = std::string(context.prismatic(driven) ? "m" : "rad") +
                                (context.prismatic(driving) ? "/m" : "/rad");
-      terms.parameters.push_back(single_term(id(), {driven, driving}, "", unit, 2e-2, motor(driven),
-                                             "q" + std::to_string(driving)));
+      add(terms, {driven, driving}, "", unit, 2e-2, motor(driven), "q" + std::to_string(driving));
     }
     return terms;
   }

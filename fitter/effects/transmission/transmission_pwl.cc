@@ -8,26 +8,20 @@ namespace {
 
 class TransmissionPwl final : public Effect {
  public:
-  std::string id() const override { return "transmission_pwl"; }
-  std::string summary() const override {
-    return "any other periodic or local joint error, as a piecewise linear table";
-  }
-  Role role() const override { return Role::kTable; }
-  JointRule joint_rule() const override { return JointRule::kEach; }
-  DriveRule drive_rule() const override { return DriveRule::kEach; }
-  std::string bound_text() const override {
-    return "1e-2 rad, of a joint that slides 1e-2 m: the unified-calibration paper (KUKA KR30-3); "
-           "what repeats with the joint "
-           "angle and is larger is an offset or a scale";
-  }
-  std::vector<EffectOption> options() const override {
-    return {
-        {"spacing", "rad or m",
-         "distance between nodes, default from the number of poses, 0.026 rad (1.5 deg) or 26 mm "
-         "at the finest"}};
-  }
+  TransmissionPwl()
+      : Effect(
+            {.id = "transmission_pwl",
+             .summary = "any other periodic or local joint error, as a piecewise linear table",
+             .bound =
+                 "1e-2 rad, of a joint that slides 1e-2 m: the unified-calibration paper (KUKA "
+                 "KR30-3); what repeats with the joint angle and is larger is an offset or a scale",
+             .role = Role::kTable,
+             .drives = DriveRule::kEach,
+             .options = {{"spacing", "rad or m",
+                          "distance between nodes, default from the number of poses, 0.026 rad "
+                          "(1.5 deg) or 26 mm at the finest"}},
+             .searched = {"spacing"}}) {}
 
-  std::vector<std::string> searched_options() const override { return {"spacing"}; }
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {
     EffectTerms terms;
     for (const int k : request.joints) {
@@ -46,9 +40,7 @@ class TransmissionPwl final : public Effect {
     double spacing = kFinestOfAll, present = 0.0;
     for (const int k : request.joints.empty() ? joints_of_bare_entry(context) : request.joints) {
       const std::vector<double>& q = context.state.column("q" + std::to_string(k));
-      const auto [low, high] = std::minmax_element(q.begin(), q.end());
-      const auto rows = static_cast<double>(std::max<std::size_t>(q.size(), 1));
-      spacing = std::max(spacing, (*high - *low) * kRowsPerFineNode / rows);
+      spacing = std::max(spacing, spacing_for(q, kRowsPerFineNode));
       present = std::max(present, request.options.value("spacing", default_spacing(q)));
     }
     if (spacing > kWorthwhile * present) return std::nullopt;
@@ -61,12 +53,12 @@ class TransmissionPwl final : public Effect {
     const double rows = static_cast<double>(context.state.rows());
     for (int k = 1; k <= context.joint_count(); ++k) {
       const std::vector<double>& q = context.state.column("q" + std::to_string(k));
-      const auto [low, high] = std::minmax_element(q.begin(), q.end());
+      const double travel = travel_of(q);
       // These are angles; a slide may be shorter than three of them and uses shares of its travel.
-      const double unit = context.prismatic(k) ? (*high - *low) / kTravelOfATable : 1.0;
+      const double unit = context.prismatic(k) ? travel / kTravelOfATable : 1.0;
       for (const double spacing : {0.349065850 * unit, 0.174532925 * unit, 0.0872664626 * unit}) {
-        const bool supported = (*high - *low) / spacing < rows / kRowsPerCandidateNode;
-        if (*high - *low > 3.0 * spacing && supported)
+        const bool supported = travel / spacing < rows / kRowsPerCandidateNode;
+        if (travel > 3.0 * spacing && supported)
           result.push_back({id(), {k}, {{"spacing", spacing}}});
       }
     }
@@ -96,10 +88,18 @@ class TransmissionPwl final : public Effect {
     return kValue * std::pow(std::max(1.0, kFinest / spacing), 2);
   }
 
-  static double default_spacing(const std::vector<double>& q) {
+  static double travel_of(const std::vector<double>& q) {
     const auto [low, high] = std::minmax_element(q.begin(), q.end());
-    return std::max(kFinest, (*high - *low) * kRowsPerNode /
-                                 static_cast<double>(std::max<std::size_t>(q.size(), 1)));
+    return *high - *low;
+  }
+
+  // The spacing at which a node has so many rows.
+  static double spacing_for(const std::vector<double>& q, double rows_per_node) {
+    return travel_of(q) * rows_per_node / static_cast<double>(std::max<std::size_t>(q.size(), 1));
+  }
+
+  static double default_spacing(const std::vector<double>& q) {
+    return std::max(kFinest, spacing_for(q, kRowsPerNode));
   }
 
   // Nodes beyond the data continue a table towards zero as the priors of smoothness and value
@@ -123,6 +123,7 @@ class TransmissionPwl final : public Effect {
     Penalty mean, slope;
     mean.sigma = slope.sigma = 1e-9;
     slope.only_with = parameter_name("joint_scale", {joint}, "");
+    const std::size_t first = terms.parameters.size();
     const double spacing = nodes[1] - nodes[0];
     std::vector<double> hits(nodes.size(), 0.0);
     double mean_q = 0.0;
@@ -132,29 +133,19 @@ class TransmissionPwl final : public Effect {
       mean_q += v / static_cast<double>(q.size());
     }
     for (std::size_t i = 0; i < nodes.size(); ++i) {
-      Parameter p = single_term(id(), {joint}, "node" + std::to_string(i + 1), unit, kLargest,
-                                motor(joint), hat_expression(variable, nodes, i));
+      Parameter& p = add(terms, {joint}, "node" + std::to_string(i + 1), unit, kLargest,
+                         motor(joint), hat_expression(variable, nodes, i));
       p.terms.front().table = table;
       p.terms.front().table->index = {static_cast<int>(i)};
       mean.row.emplace_back(p.name, hits[i]);
       slope.row.emplace_back(p.name, hits[i] * (nodes[i] - mean_q));
       terms.penalties.push_back(value_penalty(p.name, value_sigma(spacing)));
-      terms.parameters.push_back(std::move(p));
     }
     terms.penalties.push_back(mean);
     terms.penalties.push_back(slope);
     for (std::size_t i = 1; i + 1 < nodes.size(); ++i) {
-      Penalty smooth;
-      smooth.smoothness = true;
-      smooth.sigma = kSecondDifference;
-      for (const auto& [offset, factor] :
-           {std::pair{-1, 1.0}, std::pair{0, -2.0}, std::pair{1, 1.0}}) {
-        smooth.row.emplace_back(
-            parameter_name(id(), {joint},
-                           "node" + std::to_string(static_cast<int>(i) + offset + 1)),
-            factor);
-      }
-      terms.penalties.push_back(smooth);
+      const auto name = [&](std::size_t k) { return terms.parameters[first + k].name; };
+      terms.penalties.push_back(curvature_penalty(name(i - 1), name(i), name(i + 1)));
     }
   }
 };

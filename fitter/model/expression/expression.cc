@@ -158,22 +158,11 @@ Expression operator/(const Expression& a, const Expression& b) {
   return Expression::apply(Op::kDivide, {a, b});
 }
 
-// --- evaluation
-// ---------------------------------------------------------------------------------------------------------
-
 std::set<std::string> Expression::variables() const {
   std::set<std::string> result;
   if (op() == Op::kVariable) result.insert(name());
   for (const Expression& a : arguments()) result.merge(a.variables());
   return result;
-}
-
-double Expression::evaluate(const Lookup& lookup) const {
-  if (op() == Op::kNumber) return value();
-  if (op() == Op::kVariable) return lookup(name());
-  std::array<double, 4> values{};
-  for (std::size_t i = 0; i < arguments().size(); ++i) values[i] = arguments()[i].evaluate(lookup);
-  return evaluate_op(op(), values.data());
 }
 
 namespace {

@@ -71,10 +71,6 @@ class Expression {
   /// "variable", "name": "q1"}.
   std::string to_json() const;
 
-  using Lookup = std::function<double(const std::string&)>;
-  /// Value for one state. `lookup` must know every variable.
-  double evaluate(const Lookup& lookup) const;
-
   using Columns = std::function<const std::vector<double>&(const std::string&)>;
   /// Values for `rows` states at once; `columns` gives each variable's column (size `rows`, or 1
   /// for a scalar).

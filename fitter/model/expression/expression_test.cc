@@ -14,8 +14,19 @@ namespace {
 const std::map<std::string, double> kState{{"q1", 0.3}, {"q2", -1.1},     {"tau2", 412.0},
                                            {"dT", 7.5}, {"time", 1800.0}, {"w", 0.7}};
 
-double value(const Expression& e) {
-  return e.evaluate([](const std::string& name) { return kState.at(name); });
+std::map<std::string, std::vector<double>> columns_of(const std::map<std::string, double>& state) {
+  std::map<std::string, std::vector<double>> columns;
+  for (const auto& [name, number] : state) columns[name] = {number};
+  return columns;
+}
+
+double value(const Expression& e, const std::map<std::string, double>& state = kState) {
+  const auto columns = columns_of(state);
+  return e
+      .evaluate(
+          1,
+          [&](const std::string& name) -> const std::vector<double>& { return columns.at(name); })
+      .front();
 }
 double value(const std::string& text) { return value(Expression::parse(text)); }
 
@@ -70,7 +81,7 @@ TEST(Expression, HatIsOneAtItsCentreAndFlatBeyondTheEnds) {
   }
 }
 
-TEST(Expression, EvaluationByColumnAndByValueAgree) {
+TEST(Expression, EvaluationOfAllRowsAndOfOneAgree) {
   const std::vector<double> q1{-1.0, 0.0, 0.5, 2.0}, w{3.0};
   const auto columns = [&](const std::string& name) -> const std::vector<double>& {
     return name == "q1" ? q1 : w;
@@ -81,16 +92,14 @@ TEST(Expression, EvaluationByColumnAndByValueAgree) {
     const std::vector<double> all = e.evaluate(q1.size(), columns);
     ASSERT_EQ(all.size(), q1.size());
     for (std::size_t i = 0; i < q1.size(); ++i) {
-      EXPECT_EQ(all[i], e.evaluate([&](const std::string& n) { return n == "q1" ? q1[i] : w[0]; }))
-          << text;
+      EXPECT_EQ(all[i], value(e, {{"q1", q1[i]}, {"w", w[0]}})) << text;
     }
   }
 }
 
 double slope(const Expression& e, const std::string& by,
              const std::map<std::string, double>& state) {
-  std::map<std::string, std::vector<double>> columns;
-  for (const auto& [name, number] : state) columns[name] = {number};
+  const auto columns = columns_of(state);
   return e
       .slopes(
           1,

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -39,11 +40,24 @@ constexpr std::array<Function, 17> kFunctions{{{"sin", Op::kSin, 1},
                                                {"hat", Op::kHat, 4},
                                                {"pow", Op::kPower, 2}}};
 
-std::string_view function_name(Op op) {
-  for (const Function& f : kFunctions) {
-    if (f.op == op) return f.name;
-  }
-  return {};
+struct Operator {
+  std::string_view name, symbol;
+  Op op;
+  int precedence, left, right;  // its own, and the least of its arguments that need no brackets
+};
+
+constexpr std::array<Operator, 6> kOperators{{{"add", " + ", Op::kAdd, 1, 1, 2},
+                                              {"subtract", " - ", Op::kSubtract, 1, 1, 2},
+                                              {"multiply", "*", Op::kMultiply, 2, 2, 3},
+                                              {"divide", "/", Op::kDivide, 2, 2, 3},
+                                              {"negate", "-", Op::kNegate, 3, 3, 3},
+                                              {"pow", "^", Op::kPower, 4, 5, 3}}};
+
+// The entry of an operation; nullptr where it is not in the table.
+template <typename Table>
+auto entry_of(const Table& table, Op op) {
+  const auto at = std::ranges::find(table, op, &Table::value_type::op);
+  return at == table.end() ? nullptr : &*at;
 }
 
 class Parser {
@@ -162,11 +176,8 @@ class Parser {
       if (word == "pi") return Expression::number(std::numbers::pi);
       return Expression::variable(std::string(word));
     }
-    const Function* function = nullptr;
-    for (const Function& f : kFunctions) {
-      if (f.name == word) function = &f;
-    }
-    if (function == nullptr) {
+    const auto function = std::ranges::find(kFunctions, word, &Function::name);
+    if (function == kFunctions.end()) {
       at_ = begin;
       fail(
           "a function of the grammar (sin, cos, tan, asin, acos, atan, exp, log, sqrt, abs, sign, "
@@ -196,22 +207,8 @@ std::string format_number(double value) {
 }
 
 int precedence(const Expression& e) {
-  switch (e.op()) {
-    case Op::kAdd:
-    case Op::kSubtract:
-      return 1;
-    case Op::kMultiply:
-    case Op::kDivide:
-      return 2;
-    case Op::kNegate:
-      return 3;
-    case Op::kPower:
-      return 4;
-    case Op::kNumber:
-      return e.value() < 0.0 ? 3 : 5;
-    default:
-      return 5;
-  }
+  if (const Operator* o = entry_of(kOperators, e.op())) return o->precedence;
+  return e.op() == Op::kNumber && e.value() < 0.0 ? 3 : 5;
 }
 
 std::string wrap(const Expression& e, int minimum) {
@@ -224,28 +221,13 @@ Expression Expression::parse(std::string_view text) { return Parser(text).parse(
 
 std::string Expression::to_string() const {
   const auto& a = arguments();
-  switch (op()) {
-    case Op::kNumber:
-      return format_number(value());
-    case Op::kVariable:
-      return name();
-    case Op::kAdd:
-      return wrap(a[0], 1) + " + " + wrap(a[1], 2);
-    case Op::kSubtract:
-      return wrap(a[0], 1) + " - " + wrap(a[1], 2);
-    case Op::kMultiply:
-      return wrap(a[0], 2) + "*" + wrap(a[1], 3);
-    case Op::kDivide:
-      return wrap(a[0], 2) + "/" + wrap(a[1], 3);
-    case Op::kNegate:
-      return "-" + wrap(a[0], 3);
-    case Op::kPower:
-      return wrap(a[0], 5) + "^" + wrap(a[1], 3);
-    default:
-      break;
+  if (op() == Op::kNumber) return format_number(value());
+  if (op() == Op::kVariable) return name();
+  if (const Operator* o = entry_of(kOperators, op())) {
+    return (a.size() > 1 ? wrap(a[0], o->left) : "") + std::string(o->symbol) +
+           wrap(a.back(), o->right);
   }
-  std::string text(function_name(op()));
-  text += "(";
+  std::string text = std::string(entry_of(kFunctions, op())->name) + "(";
   for (std::size_t i = 0; i < a.size(); ++i) text += (i ? ", " : "") + a[i].to_string();
   return text + ")";
 }
@@ -253,13 +235,9 @@ std::string Expression::to_string() const {
 std::string Expression::to_json() const {
   if (op() == Op::kNumber) return R"({"op":"number","value":)" + format_number(value()) + "}";
   if (op() == Op::kVariable) return R"({"op":"variable","name":")" + name() + "\"}";
-  std::string tag(function_name(op()));
-  if (op() == Op::kAdd) tag = "add";
-  if (op() == Op::kSubtract) tag = "subtract";
-  if (op() == Op::kMultiply) tag = "multiply";
-  if (op() == Op::kDivide) tag = "divide";
-  if (op() == Op::kNegate) tag = "negate";
-  std::string text = R"({"op":")" + tag + R"(","args":[)";
+  const Operator* const o = entry_of(kOperators, op());
+  std::string text =
+      R"({"op":")" + std::string(o ? o->name : entry_of(kFunctions, op())->name) + R"(","args":[)";
   for (std::size_t i = 0; i < arguments().size(); ++i)
     text += (i ? "," : "") + arguments()[i].to_json();
   return text + "]}";

@@ -38,7 +38,7 @@ def align(columns: Columns, robot: Robot) -> Alignment:
     """
     from armtrue import _core
 
-    found: dict[str, Any] = json.loads(_core.align(robot.json(), columns, "{}"))
+    found: dict[str, Any] = json.loads(_core.align(robot.json(), columns))
     return Alignment(
         found["rms_m"],
         found["scale"],
