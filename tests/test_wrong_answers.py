@@ -13,8 +13,8 @@ import pytest
 import typer
 from armtrue.cli.device import app, upload
 from armtrue.device import connection
-from armtrue.device.compensator import dictionary
 from armtrue.device.connection import BusOptions
+from armtrue.device.eds import dictionary
 from armtrue.tables import layout
 
 NODE = 32

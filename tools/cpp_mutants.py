@@ -35,7 +35,11 @@ PARTS = {
         "firmware/canopen": ["firmware/canopen/canopen_test", "firmware/testing/canopen_soak_test"],
     },
     "fitter": {
-        "fitter": ["fitter/fitter_test", "pytest tests/fitting tests/truth tests/refining tests/planning"]
+        "fitter": [
+            "fitter/fitter_test",
+            "pytest tests/recorded",
+            "pytest tests/fitting tests/truth tests/refining tests/planning",
+        ]
     },
 }
 # Files that are not mutated: tests, and format.h, whose numbers the test images use too (tests/firmware/test_format.py

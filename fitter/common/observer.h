@@ -7,8 +7,8 @@
 
 namespace armtrue {
 
-/// Receives progress reports (this one ignores them), always from the thread that runs the
-/// computation, never from the workers of in_parallel.
+/// Receives progress reports, always from the thread that runs the computation, never from the
+/// workers of in_parallel. This class ignores them; derived classes show them.
 class Observer {
  public:
   Observer() = default;
@@ -16,9 +16,10 @@ class Observer {
   Observer& operator=(const Observer&) = delete;
   virtual ~Observer() = default;
 
-  /// The share done so far, 0 to 1, and the current step, in words.
-  virtual void report(double, const std::string&) {}
+  /// `share` done so far, 0 to 1, and the current `step`, in words.
+  virtual void report(double /*share*/, const std::string& /*step*/) {}
 
+  /// For a computation whose progress nobody watches.
   static Observer& none();
 };
 

@@ -130,7 +130,8 @@ struct EffectTraits {
   std::vector<std::string> columns{};        ///< variables that it reads: "time"
   std::vector<std::string> joint_columns{};  ///< those of each of its joints: "dir" for dir2
   bool by_sensor = false;  ///< reads one temperature: option `sensor`; candidates have each sensor
-  double relative_odds = 1.0;  ///< prior odds of presence relative to those of other effects
+  /// How many times likelier than other effects it is, as odds, before there are any data.
+  double relative_odds = 1.0;
   /// The terms depend on EffectContext::springs: the fit is then repeated until these no longer
   /// change.
   bool reads_springs = false;

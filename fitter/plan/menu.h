@@ -42,8 +42,9 @@ Menu make_menu(const Robot& robot, const Pose& flange_from_tool, const Cell& cel
 /// falls with time. A single session of all rows unless both time and temperature are on the menu.
 std::vector<std::vector<bool>> sessions(const Menu& menu);
 
-/// Order in which to run rows of one session: time forward and every temperature once, then as few
-/// changes of payload (by crane) as possible, then from each pose to the nearest one left.
+/// Order in which to run the rows of one session. Time goes forward and every temperature comes
+/// once; within that the payload, which takes a crane, is changed as rarely as possible; rows with
+/// one payload follow from each pose to the nearest of those left.
 std::vector<std::size_t> run_order(const Menu& menu, const Robot& robot,
                                    const std::vector<std::size_t>& rows);
 

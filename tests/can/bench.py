@@ -26,8 +26,8 @@ sys.path[:0] = [
 ]
 
 from armtrue.device import Compensator, SdoClient, upload_image  # noqa: E402
+from armtrue.device.bus_load import classic_frame_bits  # noqa: E402
 from armtrue.device.image import read_image  # noqa: E402
-from armtrue.device.monitor import classic_frame_bits  # noqa: E402
 from node_process import NODE_ID, NodeProcess  # noqa: E402
 from small_table import small_table  # noqa: E402
 

@@ -14,7 +14,7 @@ import pytest
 from armtrue.errors import InputError
 from armtrue.workbench.compensator import Device, device_view
 from armtrue.workbench.opening.opened import open_files
-from armtrue.workbench.server import start
+from armtrue.workbench.start import start
 from bench_page import Page
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "can" / "support"))

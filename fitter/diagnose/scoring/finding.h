@@ -20,7 +20,9 @@ struct StructureFinding {
   std::string shape;          ///< in words
   bool has_own_form = false;  ///< its block is weighed as it is, not as a smooth function
   std::size_t nodes = 0;      ///< over its variable, if more than usual; 0: the usual number
-  std::size_t tried = 0;      ///< of a cause of its own: alternatives to it; 0: an unknown cause
+  /// 0 if the cause is unknown. For a known cause with a search of its own, such as a knock of the
+  /// tracker: how many alternatives that search tried, for example moments of the knock.
+  std::size_t tried = 0;
   std::vector<double> x,
       y;  ///< the fitted function over the first variable [rad or m], for drawing
 };

@@ -6,7 +6,8 @@
 namespace armtrue {
 namespace {
 
-// Numbers in `column` except the lowest; empty if one of them is not an integer.
+// The set-ups whose displacement is fitted: all numbers in `column` except the lowest, whose set-up
+// the others are displaced from. Empty if the column holds a number that is not an integer.
 std::set<int> later_set_ups(const EffectContext& context, const std::string& column) {
   std::set<int> numbers;
   for (const double v : context.state.column(column)) {

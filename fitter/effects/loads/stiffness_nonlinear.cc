@@ -85,7 +85,8 @@ class StiffnessNonlinear final : public Effect {
   }
 
  private:
-  // Loads at which the soft zone may end, as shares of the largest load.
+  // A joint with a soft zone is more compliant at small loads. The diagnosis tries zones that end
+  // at these shares of the largest load in the data.
   static constexpr std::array<double, 4> kSoftShares = {0.03, 0.06, 0.12, 0.25};
   static constexpr double kSoftest = 2e-3, kSoftestSlide = 4e-4;  // [rad], [m]
   static constexpr double kLargest = 5e-3, kFurthest = 1e-3;      // [rad], [m]

@@ -24,20 +24,20 @@ _ROWS = 60
 # A set-up with fewer rows keeps the base of the first one.
 _FEWEST_OF_SET_UP = 4
 _REMEDY = "Correct the rotation's order, sequence, axes or unit in dataset.yaml; until then fit without orientations."
-# Other meanings of the columns as read: places of w, x, y, z among them, whether inverted, and a description.
+# Other meanings of the columns as read: places of w, x, y, z among them, and whether the rotation is inverted.
 _MEANT = {
-    (
+    "the quaternion's components are in the order w, x, y, z and were read as x, y, z, w": (
         (1, 2, 3, 0),
         False,
-    ): "the quaternion's components are in the order w, x, y, z and were read as x, y, z, w",
-    (
+    ),
+    "the quaternion's components are in the order x, y, z, w and were read as w, x, y, z": (
         (3, 0, 1, 2),
         False,
-    ): "the quaternion's components are in the order x, y, z, w and were read as w, x, y, z",
-    (
+    ),
+    "the rotations are those of the measuring frame in the tool, the inverse of what is expected": (
         (0, 1, 2, 3),
         True,
-    ): "the rotations are those of the measuring frame in the tool, the inverse of what is expected",
+    ),
 }
 
 
@@ -64,7 +64,7 @@ def find(data: Dataset, measured: Columns, robot: Robot) -> list[Finding]:
     if angle <= _LARGEST_ANGLE:
         return []
     words = f"measured orientations do not turn with the arm: typically {math.degrees(angle):.0f}° away"
-    meant = (words for reading, words in _MEANT.items() if typical_angle(*reading) <= _LARGEST_ANGLE)
+    meant = (words for words, reading in _MEANT.items() if typical_angle(*reading) <= _LARGEST_ANGLE)
     if likeliest := next(meant, None):
         words += f"; they do where {likeliest}"
     evidence: dict[str, Any] = {"typical_angle_rad": angle}

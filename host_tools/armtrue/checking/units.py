@@ -113,7 +113,8 @@ def find_ratios(robot: Robot) -> Iterator[Finding]:
         for k, joint in enumerate(robot.joints, start=1)
         if 0.0 < abs(joint.get("gear_ratio", 1.0)) < 1.0
     }
-    for k, ratio in list(fast.items())[:1]:
+    if fast:
+        k, ratio = next(iter(fast.items()))
         yield Finding(
             "gear_ratio",
             "warning",

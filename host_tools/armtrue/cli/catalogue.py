@@ -1,4 +1,4 @@
-"""The commands effects and explain."""
+"""The command effects."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from armtrue import glossary
 from armtrue.cli.shared.options import JsonOption
 from armtrue.cli.shared.output import Output
 from armtrue.errors import InputError, did_you_mean
@@ -60,29 +59,3 @@ def _description(info: EffectInfo, full: bool) -> list[tuple[str, str]]:
     if not info.exported:
         lines.append(("exported", "no: it belongs to the measurement"))
     return lines
-
-
-def explain(
-    term: Annotated[list[str] | None, typer.Argument(metavar="TERM", help="A word of a report.")] = None,
-) -> None:
-    """Define a term of reports and messages; without TERM, list all terms.
-
-    Example: armtrue explain held out
-    """
-    output = Output(None)
-    words = " ".join(term or [])
-    if not words:
-        output.say(", ".join(glossary.glossary()))
-        return
-    entry = glossary.find(words)
-    if entry is not None:
-        output.say(f"{entry.name} ({entry.also})" if entry.also else entry.name)
-        output.items([entry.text])
-        return
-    effects = catalogue()
-    if words not in effects:
-        known = [*glossary.glossary(), *effects]
-        hint = did_you_mean(words, known) or "; 'armtrue explain' lists them"
-        raise InputError(f"explain: found '{words}', expected a word of the glossary or an effect{hint}")
-    output.say(f"{words}: {effects[words].summary}")
-    output.line(f"armtrue effects {words}")

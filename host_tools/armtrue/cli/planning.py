@@ -232,11 +232,12 @@ def preference(rival: Rival) -> str:
     if rival.delta_bic is None:
         return "the second cannot be fitted"
     figure = f"(ΔBIC {rival.delta_bic:+.0f})"
-    preferred = "first" if rival.delta_bic > 0.0 else "second"
-    how = "slightly" if abs(rival.delta_bic) < SETTLED else "decisively"
-    sentence = f"the data favour the {preferred} {how} {figure}"
     if abs(rival.delta_bic) < HARDLY:
         sentence = f"the data do not decide {figure}"
+    else:
+        preferred = "first" if rival.delta_bic > 0.0 else "second"
+        how = "slightly" if abs(rival.delta_bic) < SETTLED else "decisively"
+        sentence = f"the data favour the {preferred} {how} {figure}"
     if rival.table:
         return f"{sentence}; the second is a table, which fits any cause, with more parameters"
     if rival.delta_bic >= SETTLED and rival.fits_as_well:

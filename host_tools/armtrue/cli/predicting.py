@@ -79,10 +79,11 @@ def predict(
     write_file(out, csv_text(names, texts))
     output.items(result.assumed(wanted)[1])
     # The positions may be missing or unreadable, as a prediction does not need them.
+    measured = None
     with suppress(InputError):
         measured = in_file_order(load_data(poses, result.robot, strict=False))
-        if error := comparing.prediction_error(predicted, measured):
-            output.say(f"error against the x, y, z of {wanted.file.name}: {comparing.error_words(error)}")
+    if measured is not None and (error := comparing.prediction_error(predicted, measured)):
+        output.say(f"error against the x, y, z of {wanted.file.name}: {comparing.error_words(error)}")
     if out.is_file():  # and no pipe, into which this line would go too
         output.say(f"written: {out} ({', '.join(names)} of {plural(wanted.count, 'row')})")
 

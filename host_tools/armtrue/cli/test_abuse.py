@@ -17,8 +17,9 @@ import pytest
 import typer
 import yaml
 
-from armtrue.cli.app import GuardedGroup, app
+from armtrue.cli.app import app
 from armtrue.cli.conftest import armtrue
+from armtrue.cli.shared.guard import GuardedGroup
 from armtrue.errors import InputError
 from armtrue.io import load_data, load_robot
 from armtrue.io.files import write_file

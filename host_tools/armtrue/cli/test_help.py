@@ -12,8 +12,9 @@ import pytest
 import typer
 
 from armtrue import glossary
-from armtrue.cli.app import GuardedGroup, app
+from armtrue.cli.app import app
 from armtrue.cli.conftest import armtrue
+from armtrue.cli.shared.guard import GuardedGroup
 from armtrue.io.catalogue import catalogue
 
 HEAVY = ("numpy", "armtrue._core", "yaml", "can", "serial")

@@ -75,7 +75,7 @@ def open_workbench(
     Example: armtrue open data.csv --robot robot.yaml --model model.yaml
     """
     from armtrue.workbench.opening.opened import open_files
-    from armtrue.workbench.server import guessed, start
+    from armtrue.workbench.start import guessed, start
 
     if not 0 <= port <= _HIGHEST_PORT:
         raise InputError(f"--port: found {port}, expected 0 to {_HIGHEST_PORT}")

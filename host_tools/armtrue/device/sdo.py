@@ -189,7 +189,7 @@ class SdoClient:
                 block_size = self._block_size(answer, 2)
             progress(min(sent * SEGMENT, len(data)), len(data))
         unused = -len(data) % SEGMENT
-        # Polynomial 0x1021, start 0 (CiA 301, 7.2.4.3.16).
+        # A block transfer ends with a CRC of the data: polynomial 0x1021, initial value 0 (CiA 301, 7.2.4.3.16).
         checksum = binascii.crc_hqx(data, 0).to_bytes(2, "little")
         answer = self._ask(index, sub, bytes([0xC1 | unused << 2]) + checksum + bytes(5))
         if answer[0] != 0xA1:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import can
 import pytest
 
-from armtrue.device.monitor import classic_frame_bits, frame_seconds
+from armtrue.device.bus_load import classic_frame_bits, frame_seconds
 
 
 def test_frame_length_lies_between_no_and_worst_stuffing() -> None:

@@ -11,7 +11,7 @@ import can
 import pytest
 
 from armtrue.device import sdo
-from armtrue.device.compensator import Compensator, DeviceRefusedError, Status
+from armtrue.device.compensator import MODES, Compensator, DeviceRefusedError, Status, name_of
 from armtrue.device.image import ImageInfo
 from armtrue.device.sdo import CommunicationError, SdoAbortError, SdoClient
 from armtrue.device.upload import Step, compare, upload_image
@@ -255,3 +255,8 @@ def test_every_abort_code_of_the_firmware_has_a_message() -> None:
     codes = {int(code, 16) for code in re.findall(r"= 0x([0-9A-F]{8}),", header.read_text(encoding="utf-8"))}
     assert len(codes) > 20
     assert codes <= sdo._ABORT_TEXT.keys()
+
+
+@pytest.mark.parametrize(("number", "name"), [(0, "forward"), (2, "offset"), (3, "3"), (-1, "-1")])
+def test_number_without_a_name_is_shown_as_it_is(number: int, name: str) -> None:
+    assert name_of(MODES, number) == name

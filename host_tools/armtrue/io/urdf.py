@@ -23,6 +23,7 @@ from armtrue.io.rotation import matrix_from_rotation_vector, matrix_from_rpy, rp
 
 # Six turns either way: larger limits of a revolute joint are not in radians.
 LARGEST_LIMIT_RAD = 12 * math.pi
+# Kinematics, links and mimics, as read_urdf_chain describes them.
 UrdfChain = tuple[dict[str, Any], list[dict[str, Any]], list[dict[str, Any]]]
 _JOINT_TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 

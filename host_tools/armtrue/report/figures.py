@@ -54,20 +54,21 @@ class Picture:
         write_file(Path(path), self.html)
 
 
-def _drawn(title: str, section: Callable[[Report], Markup | None]) -> Callable[[Report], Picture]:
+def _drawn(name: str, title: str, section: Callable[[Report], Markup | None]) -> Callable[[Report], Picture]:
     def draw(report: Report) -> Picture:
         return Picture(title, section(report))
 
+    draw.__name__ = draw.__qualname__ = name
     draw.__doc__ = section.__doc__
     return draw
 
 
-waterfall = _drawn("How the error fell", error_section)
-vectors = _drawn("Where the error points", vectors_section)
-state = _drawn("What the error depends on", state_section)
-spectra = _drawn("Periods of the joints", spectra_section)
-candidates = _drawn("What is missing", candidates_section)
-added_variables = _drawn("What the leading candidates would do", added_variable_section)
-unexplained = _drawn("Structure that no effect explains", unexplained_section)
-parameters = _drawn("The model that was fitted", parameters_section)
-coverage = _drawn("Where the arm was measured", coverage_section)
+waterfall = _drawn("waterfall", "How the error fell", error_section)
+vectors = _drawn("vectors", "Where the error points", vectors_section)
+state = _drawn("state", "What the error depends on", state_section)
+spectra = _drawn("spectra", "Periods of the joints", spectra_section)
+candidates = _drawn("candidates", "What is missing", candidates_section)
+added_variables = _drawn("added_variables", "What the leading candidates would do", added_variable_section)
+unexplained = _drawn("unexplained", "Structure that no effect explains", unexplained_section)
+parameters = _drawn("parameters", "The model that was fitted", parameters_section)
+coverage = _drawn("coverage", "Where the arm was measured", coverage_section)

@@ -28,7 +28,7 @@ LARGEST_RECIPROCAL = 64.0
 STEEP = 5e-4
 # Bits by which a SCALE node can shift a slot up: its mantissa has 31 bits and a sign.
 _MOST_GAIN = 30
-# Orders of a wave that a link angle's sine and cosine give.
+# Waves of these orders over a link angle need no node: the state has its sine and cosine, which give both.
 _SLOW_ORDERS = (2**layout.ORDER_FRACTION, 2 * 2**layout.ORDER_FRACTION)
 # Sums on a coordinate saturate here [rad, m].
 LARGEST_TERM = 0.5

@@ -45,6 +45,13 @@ def library() -> ctypes.CDLL:
     loaded.armtrue_refusal_name.restype = ctypes.c_char_p
     loaded.armtrue_cycle_cost.restype = ctypes.c_uint32
     loaded.armtrue_cycle_budget.restype = ctypes.c_uint32
+    for name in (
+        "armtrue_solve",
+        "armtrue_coordinates",
+        "armtrue_ed25519_public_key",
+        "armtrue_ed25519_sign",
+    ):
+        getattr(loaded, name).restype = None
     return loaded
 
 

@@ -21,14 +21,14 @@ _HEAD = "armtrue-ed25519-{} "  # secret or public
 def public_key(seed: bytes) -> bytes:
     """The public key (32 bytes) of a secret seed (32 bytes)."""
     result = ctypes.create_string_buffer(KEY_LENGTH)
-    library().armtrue_ed25519_public_key(seed, result)
+    library().armtrue_ed25519_public_key(_checked(seed), result)
     return result.raw
 
 
 def sign(seed: bytes, message: bytes) -> bytes:
     """The signature (64 bytes) of `message`."""
     result = ctypes.create_string_buffer(layout.SIGNATURE_LENGTH)
-    library().armtrue_ed25519_sign(seed, message, ctypes.c_size_t(len(message)), result)
+    library().armtrue_ed25519_sign(_checked(seed), message, ctypes.c_size_t(len(message)), result)
     return result.raw
 
 
@@ -60,3 +60,9 @@ def read_key(path: Path, kind: Literal["secret", "public"]) -> bytes:
         if len(key) == KEY_LENGTH:
             return key
     raise InputError(f"{path}: found something else, expected a {kind} key made by armtrue keygen")
+
+
+def _checked(seed: bytes) -> bytes:
+    if len(seed) != KEY_LENGTH:
+        raise ValueError(f"expected {KEY_LENGTH} bytes, found {len(seed)}")
+    return seed

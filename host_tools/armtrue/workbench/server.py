@@ -10,24 +10,20 @@ from collections.abc import Callable
 from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, quote, urlsplit
 
 from armtrue.errors import InputError
-from armtrue.progress import Progress
-from armtrue.workbench.allocator import share_one_arena
 from armtrue.workbench.background import FAULT, Task
-from armtrue.workbench.compensator import Device, device_view
+from armtrue.workbench.compensator import device_view
 from armtrue.workbench.engine import BusyError, Engine
-from armtrue.workbench.opening.dropped import LOOK_AT_GUESSES, Drop
-from armtrue.workbench.opening.opened import Opened
-from armtrue.workbench.session import Node, Session, default_folder
+from armtrue.workbench.session import Session
 from armtrue.workbench.showing import page
 from armtrue.workbench.showing.beside import beside, swaps
 from armtrue.workbench.showing.card import card, evidence
 from armtrue.workbench.showing.panels import panel
 from armtrue.workbench.showing.view import buttons, pieces
+from armtrue.workbench.state import state
 
 HOST = "127.0.0.1"
 _LARGEST_REQUEST = 1024 * 1024
@@ -263,85 +259,3 @@ def running(engine: Engine) -> dict[str, Any]:
 
 def _shown(task: Task | None) -> dict[str, Any] | None:
     return None if task is None else {"name": task.name, "share": task.share, "stage": task.stage}
-
-
-_NOTHING: dict[str, Any] = {
-    "effects": [], "error": None, "noise_floor_um": None, "verdict": None, "candidates": [], "steps": [], "models": [],
-}  # fmt: skip
-
-
-def state(engine: Engine) -> dict[str, Any]:
-    """state.json of the contract: the shown model with its diagnosis, and the steps to it.
-
-    `busy`: an action runs. `diagnosing`: the diagnosis runs; until it has ended, verdict is null and candidates are
-    empty.
-    """
-    now = {"status": engine.said, "failure": engine.failure, "busy": engine.task is not None}
-    if not engine.is_open:
-        return {**_NOTHING, **now}
-    session = engine.session
-    node = session.node
-    known = session.diagnosis_of(node.number) or {"candidates": [], "error": {}}
-    diagnosis = {key: value for key, value in known.items() if key != "spectra"}
-    return {
-        **diagnosis,
-        "effects": node.effects,
-        "error": {**node.error, **diagnosis["error"]},
-        "noise_floor_um": node.noise_floor_um,
-        "verdict": node.verdict,
-        "steps": [_step(each) for each in session.path],
-        "left_out": node.left_out,
-        "left_out_error": node.left_out_error,
-        "model": node.number,
-        "models": [{"model": each.number, "parent": each.parent, **_step(each)} for each in session.nodes],
-        **now,
-        "diagnosing": engine.background.task is not None,
-    }
-
-
-def _step(node: Node) -> dict[str, Any]:
-    keys = ("removed", "effects", "error", "noise_floor_um", "verdict", "name")
-    added = node.added[0] if len(node.added) == 1 else node.added or None
-    return {"added": added, **{key: getattr(node, key) for key in keys}}
-
-
-def guessed(files: list[Path], robot: Path | None, model: Path | None) -> Drop | None:
-    """Foreign files with the guesses about them, as if they had been dropped; None where they are not foreign."""
-    drop = _new_drop()
-    return drop if drop.take_foreign(files, robot, model) else None
-
-
-def _new_drop() -> Drop:
-    return Drop(default_folder(f"dropped-{secrets.token_hex(4)}"))
-
-
-def start(
-    opened: Opened | None,
-    port: int = 0,
-    folder: Path | None = None,
-    new: bool = False,
-    progress: Progress | None = None,
-    device: Device | None = None,
-    drop: Drop | None = None,
-) -> Server:
-    """A server for the session of these files: the saved one, or a new one with its first fit.
-
-    `opened`: None for a page that waits for files. `device`: the compensator on the named CAN bus. `drop`: foreign
-    files whose guesses wait for review. Errors: InputError where the port is taken, the session cannot be written or
-    the data do not allow the model.
-    """
-    share_one_arena()
-    engine = Engine(drop or _new_drop(), device)
-    try:
-        server = Server(engine, port)
-    except OSError as error:
-        raise InputError(f"--port: found port {port}, which cannot be had ({error.strerror})") from None
-    if opened is not None:
-        engine.begin(opened, folder, new, progress)
-    elif drop is not None:
-        engine.said = LOOK_AT_GUESSES
-    else:
-        engine.said = "Drop files on the page, or choose them."
-        if not new:
-            engine.go_on_waiting()
-    return server
