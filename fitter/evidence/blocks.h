@@ -47,13 +47,13 @@ struct EvidenceBlock {
   Eigen::MatrixXd columns;  ///< columns of `search`; empty: not yet computed
 };
 
-/// Input of a search: columns of the base, which is always in the model, and of the blocks.
+/// Input of a search: columns of the base, which is always in the model, and blocks with theirs.
 struct EvidenceModel {
   Eigen::MatrixXd base;  ///< equations × coefficients of geometry, placement and a user's own terms
   Eigen::MatrixXd base_precision;  ///< precision of their prior
   Eigen::VectorXd base_pull;       ///< gradient of that prior at the present values
   double base_pull_squares = 0.0;
-  Eigen::MatrixXd columns;  ///< equations × columns of all blocks
+  Eigen::Index width = 0;  ///< columns of all blocks
   Eigen::VectorXd y;  ///< to explain: by changes of base from present values, by blocks from zero
   std::vector<EvidenceBlock> blocks;
 };

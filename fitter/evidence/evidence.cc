@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "fitter/common/dense.h"
+#include "fitter/common/parallel.h"
 #include "fitter/evidence/contrasts.h"
 
 namespace armtrue {
@@ -58,9 +59,14 @@ void keep_what_unknown_loads_cannot_do(const std::vector<EvidenceBlock>& blocks,
 // Whitens all columns and projects out the base with its prior.
 Projected project(const Fit& fit, const Linearization& l, const EvidenceModel& model,
                   const NoiseParts& noise) {
-  const Eigen::Index base = model.base.cols(), width = model.columns.cols();
+  const Eigen::Index base = model.base.cols(), width = model.width;
   Eigen::MatrixXd all(model.y.size(), base + width + 1);
-  all << model.base, model.columns, model.y;
+  all.leftCols(base) = model.base;
+  in_parallel(model.blocks.size(), [&](std::size_t b) {
+    const EvidenceBlock& block = model.blocks[b];
+    all.middleCols(base + block.search.first, block.search.width) = block.columns;
+  });
+  all.rightCols(1) = model.y;
   const PoseWhitening whitening(l, noise);
   whitening.apply(all);
   const Eigen::MatrixXd products = square(all);
@@ -102,8 +108,7 @@ Found found_columns(const EvidenceModel& model, const SearchResult& search) {
   found.precision.topLeftCorner(base, base) = model.base_precision;
   Eigen::Index at = base;
   for (const auto& [b, w] : search.factors) {
-    const SearchBlock& own = model.blocks[b].search;
-    found.columns.middleCols(at, w.cols()) = model.columns.middleCols(own.first, own.width) * w;
+    found.columns.middleCols(at, w.cols()) = model.blocks[b].columns * w;
     at += w.cols();
   }
   return found;
@@ -157,7 +162,7 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Blo
 
   EvidenceSummary evidence;
   evidence.noise = broad_noise(l, l.residual);
-  int rounds = model.columns.cols() > kWideProblem ? kRounds - 1 : kRounds;
+  int rounds = model.width > kWideProblem ? kRounds - 1 : kRounds;
   bool repeated = false;
   for (int round = 0; round < rounds; ++round) {
     bool last = round + 1 == rounds;
@@ -165,7 +170,7 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Blo
     SearchOptions search;
     // Wide problems are sampled for a shorter time.
     search.sweeps =
-        last ? (model.columns.cols() > kWideProblem ? options.sweeps / 3 : options.sweeps) : 0;
+        last ? (model.width > kWideProblem ? options.sweeps / 3 : options.sweeps) : 0;
     if (!last) search.burn_in = 0;
     evidence.search = search_blocks(projected.problem, search);
     // One more round if the noise estimated by now favours another form than the initial noise did,

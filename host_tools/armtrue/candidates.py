@@ -89,14 +89,45 @@ def joint_words(joints: list[int]) -> str:
     return ", ".join(map(str, joints))
 
 
-def entry_of(label: str) -> dict[str, Any]:
-    """Effect, joints and options of a candidate that the diagnosis names as `gear_mesh 3 orders [13]`."""
-    found = re.fullmatch(rf"{_LABEL}?", label)
-    if found is None:
-        return {"effect": label}
-    joints = [int(joint) for joint in found[2].split(",")] if found[2] else []
-    options = {found[3]: json.loads(found[4])} if found[3] else {}
-    return {"effect": found[1], "joints": joints, "options": options}
+def entry_of(candidate: str) -> dict[str, Any]:
+    """An entry of model.yaml from a candidate as a diagnosis names it (`gear_mesh 2 cycles [13]`) or a shell argument.
+
+    The latter is as `argument_of` gives it: `gear_mesh:2:cycles=13` or `thermal_base:sensor=arm`. Raises ValueError
+    where `candidate` has another form.
+    """
+    match = _CANDIDATE.fullmatch(candidate.strip())
+    if match is None:
+        raise ValueError(f"found '{candidate}', expected EFFECT, EFFECT:2,3 or EFFECT:2:cycles=13")
+    entry: dict[str, Any] = {"effect": match["effect"]}
+    if match["option"]:
+        entry[match["option"]] = [_number(text) for text in match["values"].split(",")]
+    if match["sensor"]:
+        entry["sensor"] = match["sensor"]
+    if match["joints"]:
+        entry["joints"] = [int(text) for text in re.split("[ ,]", match["joints"])]
+    return entry
+
+
+def argument_of(candidate: str) -> str:
+    """A candidate as a diagnosis names it, written as one word of a command line."""
+    named, _, sensor = candidate.partition(" sensor ")
+    effect, *rest = named.translate(str.maketrans("", "", "[]")).split(" ")
+    joints = rest[:1] if len(rest) % 2 else []
+    options = [f"{key}={value}" for key, value in zip(*[iter(rest[len(joints) :])] * 2, strict=True)]
+    options += [f"sensor={sensor}"] if sensor else []
+    return ":".join([effect, *joints, *options])
+
+
+_CANDIDATE = re.compile(
+    r"(?P<effect>\w+)(?:[ :](?P<joints>\d+(?:[ ,]\d+)*))?"
+    r"(?:[ :](?P<option>cycles|orders|wavelengths)[ =]\[?(?P<values>\d[-+.\de]*(?:,\d[-+.\de]*)*)\]?)?"
+    r"(?:[ :]sensor[ =](?P<sensor>.+))?"
+)
+
+
+def _number(text: str) -> float | int:
+    value = float(text)  # ValueError for text that passes _CANDIDATE but is no number, such as 1-2
+    return int(value) if value.is_integer() else value
 
 
 def parameter_lines(parameters: list[dict[str, Any]]) -> list[str]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtrue import _core
-from armtrue.candidates import label, model_entry
+from armtrue.candidates import entry_of, label, model_entry
 from armtrue.diagnosis import diagnose
 from armtrue.errors import InputError
 from armtrue.fitting import Fit
@@ -332,47 +332,6 @@ def ambiguity(fit: Fit, diagnosis: Mapping[str, Any]) -> Ambiguity | None:
         rivals.append(Rival(called, entry, change, misfit, entry["effect"] in tables))
     rivals.sort(key=lambda rival: math.inf if rival.delta_bic is None else rival.delta_bic)
     return Ambiguity(label(first) + _sensor_words(fit, first), first, rivals)
-
-
-def entry_of(candidate: str) -> dict[str, Any]:
-    """An entry of model.yaml from a candidate as a diagnosis names it (`gear_mesh 2 cycles [13]`) or a shell argument.
-
-    The latter is as `argument_of` gives it: `gear_mesh:2:cycles=13` or `thermal_base:sensor=arm`. Raises ValueError
-    where `candidate` has another form.
-    """
-    match = _CANDIDATE.fullmatch(candidate.strip())
-    if match is None:
-        raise ValueError(f"found '{candidate}', expected EFFECT, EFFECT:2,3 or EFFECT:2:cycles=13")
-    entry: dict[str, Any] = {"effect": match["effect"]}
-    if match["option"]:
-        entry[match["option"]] = [_number(text) for text in match["values"].split(",")]
-    if match["sensor"]:
-        entry["sensor"] = match["sensor"]
-    if match["joints"]:
-        entry["joints"] = [int(text) for text in re.split("[ ,]", match["joints"])]
-    return entry
-
-
-def argument_of(candidate: str) -> str:
-    """A candidate as a diagnosis names it, written as one word of a command line."""
-    named, _, sensor = candidate.partition(" sensor ")
-    effect, *rest = named.translate(str.maketrans("", "", "[]")).split(" ")
-    joints = rest[:1] if len(rest) % 2 else []
-    options = [f"{key}={value}" for key, value in zip(*[iter(rest[len(joints) :])] * 2, strict=True)]
-    options += [f"sensor={sensor}"] if sensor else []
-    return ":".join([effect, *joints, *options])
-
-
-_CANDIDATE = re.compile(
-    r"(?P<effect>\w+)(?:[ :](?P<joints>\d+(?:[ ,]\d+)*))?"
-    r"(?:[ :](?P<option>cycles|orders|wavelengths)[ =]\[?(?P<values>\d[-+.\de]*(?:,\d[-+.\de]*)*)\]?)?"
-    r"(?:[ :]sensor[ =](?P<sensor>.+))?"
-)
-
-
-def _number(text: str) -> float | int:
-    value = float(text)  # ValueError for text that passes _CANDIDATE but is no number, such as 1-2
-    return int(value) if value.is_integer() else value
 
 
 def _options(

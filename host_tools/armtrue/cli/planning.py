@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armtrue.candidates import name
+from armtrue.candidates import argument_of, entry_of, name
 from armtrue.cli.shared.findings import following
 from armtrue.cli.shared.fits import load_with_data
 from armtrue.cli.shared.options import JsonOption, MovedDataOption, OutOption
@@ -18,7 +18,7 @@ from armtrue.errors import InputError
 from armtrue.io import Robot, load_model, load_robot
 from armtrue.io.files import write_file
 from armtrue.io.model import check_effect
-from armtrue.planning import HARDLY, SETTLED, Ambiguity, Cell, Plan, Rival, argument_of, entry_of
+from armtrue.planning import HARDLY, SETTLED, Ambiguity, Cell, Plan, Rival
 from armtrue.units import plural
 
 if TYPE_CHECKING:

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 import yaml
 
+from armtrue.candidates import argument_of, entry_of
 from armtrue.cli.conftest import FIT, SCENARIO, armtrue
 from armtrue.cli.planning import _present_ambiguity, outlook, preference
 from armtrue.cli.shared.output import Output
-from armtrue.planning import Ambiguity, Plan, Rival, argument_of, entry_of
+from armtrue.planning import Ambiguity, Plan, Rival
 
 
 def rows_of(path: Path) -> list[dict[str, float]]:
