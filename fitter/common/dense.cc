@@ -139,7 +139,7 @@ Eigen::MatrixXd symmetric_product(const char* turn, const Eigen::Ref<const Eigen
   return result;
 }
 
-void solve_triangle(const char* turn, const Eigen::MatrixXd& factor,
+void solve_triangle(const char* turn, const Eigen::Ref<const Eigen::MatrixXd>& factor,
                     Eigen::Ref<Eigen::MatrixXd> right) {
   if (right.size() == 0) return;
   if (right.rows() <= kSmallest) {
@@ -152,12 +152,13 @@ void solve_triangle(const char* turn, const Eigen::MatrixXd& factor,
     return;
   }
   const int rows = static_cast<int>(right.rows());
+  const int factor_stride = static_cast<int>(factor.outerStride());
   const int stride = static_cast<int>(right.outerStride());
   const double one = 1.0;
   const double work = 0.5 * static_cast<double>(right.size()) * static_cast<double>(rows);
   in_panels(right.cols(), work, [&](Eigen::Index first, Eigen::Index count) {
     const int columns = static_cast<int>(count);
-    dtrsm_("L", "L", turn, "N", &rows, &columns, &one, factor.data(), &rows,
+    dtrsm_("L", "L", turn, "N", &rows, &columns, &one, factor.data(), &factor_stride,
            right.data() + first * right.outerStride(), &stride);
   });
 }
@@ -211,11 +212,13 @@ Eigen::MatrixXd square_across(const Eigen::Ref<const Eigen::MatrixXd>& a) {
   return symmetric_product("N", a, a.rows(), a.cols());
 }
 
-void solve_lower(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::MatrixXd> right) {
+void solve_lower(const Eigen::Ref<const Eigen::MatrixXd>& factor,
+                 Eigen::Ref<Eigen::MatrixXd> right) {
   solve_triangle("N", factor, right);
 }
 
-void solve_lower_transposed(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::MatrixXd> right) {
+void solve_lower_transposed(const Eigen::Ref<const Eigen::MatrixXd>& factor,
+                            Eigen::Ref<Eigen::MatrixXd> right) {
   solve_triangle("T", factor, right);
 }
 

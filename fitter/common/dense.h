@@ -65,8 +65,10 @@ Eigen::MatrixXd square(const Eigen::Ref<const Eigen::MatrixXd>& a);
 Eigen::MatrixXd square_across(const Eigen::Ref<const Eigen::MatrixXd>& a);
 
 /// right ← L⁻¹ right, or L⁻ᵀ right, of a factor's lower triangle (BLAS dtrsm).
-void solve_lower(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::MatrixXd> right);
-void solve_lower_transposed(const Eigen::MatrixXd& factor, Eigen::Ref<Eigen::MatrixXd> right);
+void solve_lower(const Eigen::Ref<const Eigen::MatrixXd>& factor,
+                 Eigen::Ref<Eigen::MatrixXd> right);
+void solve_lower_transposed(const Eigen::Ref<const Eigen::MatrixXd>& factor,
+                            Eigen::Ref<Eigen::MatrixXd> right);
 
 /// a b, and aᵀ b (BLAS dgemm).
 Eigen::MatrixXd times(const Eigen::Ref<const Eigen::MatrixXd>& a,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
 #include <numbers>
 
 #include "fitter/evidence/words.h"
@@ -89,32 +90,32 @@ std::string grid_words(const JointSpectrum& spectrum, double cycles) {
 
 std::vector<std::string> line_advice(const EffectRequest& request,
                                      const std::vector<JointSpectrum>& spectra,
-                                     const Robot& robot) {
-  const bool slides = request.options.contains("wavelengths");
-  const bool by_order = request.options.contains("orders");
-  if (!slides && !by_order && !request.options.contains("cycles")) return {};
+                                     const EffectContext& context) {
+  const Effect& effect = find_effect(request.effect);
+  const std::vector<double> lines = effect.lines(context, request);
+  if (lines.empty()) return {};
   const int joint = request.joints.front();
-  const double turns = robot.joints[static_cast<std::size_t>(joint - 1)].gear_ratio;
+  const bool slides = context.prismatic(joint);
+  const double turns = context.robot().joints[static_cast<std::size_t>(joint - 1)].gear_ratio;
   const auto spectrum = std::ranges::find(spectra, joint, &JointSpectrum::joint);
-  std::vector<std::string> on_grid, by_motor;
-  std::vector<double> all;
-  const char* key = slides ? "wavelengths" : by_order ? "orders" : "cycles";
-  for (const auto& value : request.options[key]) {
-    const auto number = value.get<double>();
-    const double cycles = slides ? 1.0 / number : by_order ? number * std::abs(turns) : number;
-    all.push_back(cycles);
-    if (spectrum == spectra.end() || cycles == 0.0) continue;
-    if (std::string words = grid_words(*spectrum, cycles); !words.empty())
-      on_grid.push_back(std::move(words));
-    if (!slides && !by_order && turns > 0.0)
-      by_motor.push_back(motor_words(cycles, turns, spectrum->resolution));
+  const std::vector<double> known = effect.tried_lines(context, joint);
+  std::vector<std::string> advice, by_motor;
+  std::vector<double> unknown;
+  for (const double line : lines) {
+    const bool is_known = std::ranges::any_of(
+        known, [&](double other) { return std::abs(line - other) < kSameCount * other; });
+    if (!is_known) unknown.push_back(line);
+    if (spectrum == spectra.end()) continue;
+    if (std::string words = grid_words(*spectrum, line); !words.empty())
+      advice.push_back(std::move(words));
+    if (!is_known && !slides && turns > 0.0)
+      by_motor.push_back(motor_words(line, turns, spectrum->resolution));
   }
-  std::vector<std::string> advice = std::move(on_grid);
-  if (by_order) return advice;
-  advice.push_back(lines_words(slides, all) + " on joint " + std::to_string(joint) +
+  if (unknown.empty()) return advice;
+  advice.push_back(lines_words(slides, unknown) + " on joint " + std::to_string(joint) +
                    (slides ? ": look for a screw or pinion with this travel per turn"
                            : ": look for a gear or bearing with this number of cycles per turn"));
-  advice.insert(advice.end(), by_motor.begin(), by_motor.end());
+  std::ranges::move(by_motor, std::back_inserter(advice));
   return advice;
 }
 

@@ -9,10 +9,11 @@
 
 namespace armtrue {
 
-/// Advice on a request with lines outside the known orders (options cycles or wavelengths): other
-/// lines that look the same on the joint's grid of positions, what to look for, and why the gear
-/// ratio, if known, does not explain them. Empty for any other request.
+/// Advice on a request that stands for spectral lines of its joint: other lines that look the same
+/// on the joint's grid of positions and, unless the lines follow from a known gear, what to look
+/// for and why the gear ratio, if known, does not explain them. Empty for any other request.
 std::vector<std::string> line_advice(const EffectRequest& request,
-                                     const std::vector<JointSpectrum>& spectra, const Robot& robot);
+                                     const std::vector<JointSpectrum>& spectra,
+                                     const EffectContext& context);
 
 }  // namespace armtrue

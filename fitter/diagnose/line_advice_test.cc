@@ -2,23 +2,50 @@
 
 #include <gtest/gtest.h>
 
-#include "fitter/testing/arms.h"
+#include <algorithm>
+
+#include "fitter/testing/problem.h"
 
 namespace armtrue {
 namespace {
 
 using nlohmann::json;
+using testing::Problem;
+using testing::Random;
 
-// Advice for an arm whose gear ratios are 120, or for which that of joint 5 is not stated.
-std::vector<std::string> advice_on(const json& options, double grid = 0.0, bool with_ratio = true) {
+// Measured poses of an arm whose gear ratios are 120, or for which that of joint 5 is not stated.
+Problem measured(bool with_ratio = true) {
+  Random random(5);
   json robot = testing::industrial_arm();
   if (!with_ratio) robot["kinematics"]["joints"][4].erase("gear_ratio");
+  return Problem(robot, testing::geometry_model(), {40}, random, testing::nothing);
+}
+
+std::vector<std::string> advice_on(const json& options, double grid = 0.0, bool with_ratio = true) {
   JointSpectrum spectrum;
   spectrum.joint = 5;
   spectrum.resolution = 0.8;
   spectrum.grid = grid;
   spectrum.cycles = {0.5, 300.0};
-  return line_advice({"gear_mesh", {5}, options}, {spectrum}, Robot::from_json(robot));
+  const Problem p = measured(with_ratio);
+  return line_advice({"gear_mesh", {5}, options}, {spectrum}, EffectContext{*p.state});
+}
+
+// An oval tracker circle, which has orders but belongs to no joint, crashed every diagnosis that
+// recommended it.
+TEST(LineAdvice, AnyCandidateOfTheCatalogue_OnlyLinesOfJointsAreExplained) {
+  const Problem p = measured();
+  const EffectContext context{*p.state};
+  for (const Effect* effect : effect_catalogue()) {
+    for (const EffectRequest& request : effect->tried(context)) {
+      const bool has_lines = !effect->lines(context, request).empty();
+      EXPECT_TRUE(line_advice(request, {}, context).empty()) << effect->id();
+      EXPECT_EQ(has_lines, effect->id() == "gear_mesh") << effect->id();
+    }
+  }
+  const auto oval = find_effect("tracker_angles").tried(context);
+  EXPECT_TRUE(std::ranges::any_of(
+      oval, [](const EffectRequest& r) { return r.options.contains("orders"); }));
 }
 
 TEST(LineAdvice, LineAtAMotorOrder_NamesTheOrder) {
@@ -46,6 +73,9 @@ TEST(LineAdvice, LineAtNoMotorOrder_NamesOtherCauses) {
 
 TEST(LineAdvice, WithoutGearRatio_NamesTheCountOnly) {
   EXPECT_EQ(advice_on({{"cycles", {13.0}}}, 0.0, false).size(), 1u);
+}
+
+TEST(LineAdvice, OrderOfTheMotor_NeedsNoExplanation) {
   EXPECT_TRUE(advice_on({{"orders", {1.0}}}).empty());
 }
 

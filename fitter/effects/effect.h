@@ -188,6 +188,9 @@ class Effect {
   virtual std::optional<EffectRequest> as_line(const EffectContext&, int, double) const {
     return std::nullopt;
   }
+  /// Cycles per turn (per metre) of the waves over its joint that a request on one joint stands
+  /// for; none if the effect causes no such lines.
+  virtual std::vector<double> lines(const EffectContext&, const EffectRequest&) const { return {}; }
   /// Cycles per turn (per metre) of a joint's waves that candidates() already contains.
   virtual std::vector<double> tried_lines(const EffectContext&, int) const { return {}; }
   /// Terms for validated joints.

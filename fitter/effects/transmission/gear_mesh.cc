@@ -55,6 +55,15 @@ class GearMesh final : public Effect {
     return EffectRequest{id(), {joint}, {{"cycles", {cycles}}}};
   }
 
+  std::vector<double> lines(const EffectContext& context,
+                            const EffectRequest& request) const override {
+    std::vector<double> result;
+    const int joint = request.joints.front();
+    for (const Wave& wave : waves_of(context, request, joint))
+      result.push_back(context.prismatic(joint) ? 1.0 / wave.period : wave.period);
+    return result;
+  }
+
   std::vector<double> tried_lines(const EffectContext& context, int joint) const override {
     std::vector<double> lines;
     const double turn = turn_of(context, joint);

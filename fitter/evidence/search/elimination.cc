@@ -36,7 +36,10 @@ void move_up(Eigen::Ref<Eigen::MatrixXd> matrix, Eigen::Index first, Eigen::Inde
 
 Elimination::Elimination(const Eigen::MatrixXd& gram, const Eigen::VectorXd& gradient,
                          double squares)
-    : gram_(gram), gradient_(gradient), squares_(squares) {
+    : gram_(gram),
+      gradient_(gradient),
+      squares_(squares),
+      known_(static_cast<std::size_t>(gram.cols()), 0) {
   reserve(kLeastRoom);
 }
 
@@ -53,25 +56,39 @@ void Elimination::reserve(Eigen::Index size) {
   along_.conservativeResize(room);
 }
 
+// Most changes of the members are followed by a look at a few columns only.
+void Elimination::complete(Eigen::Index first, Eigen::Index width) const {
+  const auto begin = known_.begin() + first;
+  const Eigen::Index from = *std::min_element(begin, begin + width), rest = size_ - from;
+  if (rest == 0) return;
+  Eigen::MatrixXd rows(rest, width);
+  for (const Member& m : members_) {
+    if (m.first >= from)
+      rows.middleRows(m.first - from, m.size) =
+          transpose_times(m.factor, gram_.block(m.column, first, m.factor.rows(), width));
+  }
+  if (from > 0) rows -= times(root_.block(from, 0, rest, from), half_.block(0, first, from, width));
+  solve_lower(root_.block(from, from, rest, rest), rows);
+  half_.block(from, first, rest, width) = rows;
+  std::fill(begin, begin + width, size_);
+}
+
 void Elimination::add(std::size_t key, Eigen::Index first, const Eigen::MatrixXd& factor) {
   const Eigen::Index size = factor.cols(), width = factor.rows();
   reserve(size_ + size);
-  Eigen::MatrixXd rows = transpose_times(factor, gram_.middleRows(first, width));
-  Eigen::MatrixXd inner =
-      Eigen::MatrixXd::Identity(size, size) + rows.middleCols(first, width) * factor;
+  complete(first, width);
+  Eigen::MatrixXd inner = Eigen::MatrixXd::Identity(size, size) +
+                          congruent(gram_.block(first, first, width, width), factor);
   Eigen::MatrixXd right = factor.transpose() * gradient_.segment(first, width);
   if (size_ > 0) {
     const Eigen::MatrixXd before = half_.block(0, first, size_, width) * factor;
     root_.block(size_, 0, size, size_) = before.transpose();
-    rows -= transpose_times(before, half_.topRows(size_));
     inner -= square(before);
     right -= before.transpose() * along_.head(size_);
   }
   factorise(inner);
-  solve_lower(inner, rows);
   solve_lower(inner, right);
   root_.block(size_, size_, size, size) = inner.triangularView<Eigen::Lower>();
-  half_.middleRows(size_, size) = rows;
   along_.segment(size_, size) = right;
   members_.push_back({key, size_, size, first, factor});
   size_ += size;
@@ -91,13 +108,12 @@ void Elimination::remove(std::size_t key) {
     // Members eliminated after the removed one regain what they had in common with it.
     const GrownFactor now(root_.block(after, after, rest, rest),
                           root_.block(after, gone.first, rest, gone.size));
-    now.turn(half_.middleRows(after, rest), half_.middleRows(gone.first, gone.size));
     now.turn(along_.segment(after, rest), along_.segment(gone.first, gone.size));
     move_up(root_.leftCols(gone.first), after, rest, gone.size);
     root_.block(gone.first, gone.first, rest, rest) = now.factor();
-    move_up(half_, after, rest, gone.size);
     move_up(along_, after, rest, gone.size);
   }
+  for (Eigen::Index& rows : known_) rows = std::min(rows, gone.first);
   size_ -= gone.size;
   members_.erase(at);
   for (Member& m : members_) {
@@ -108,6 +124,7 @@ void Elimination::remove(std::size_t key) {
 Elimination::Local Elimination::beside(Eigen::Index first, Eigen::Index width) const {
   Local local{gram_.block(first, first, width, width), gradient_.segment(first, width), squares()};
   if (size_ == 0) return local;
+  complete(first, width);
   const auto half = half_.block(0, first, size_, width);
   local.gram -= square(half);
   local.gradient -= half.transpose() * along_.head(size_);
@@ -158,6 +175,8 @@ Eigen::MatrixXd Elimination::across(Eigen::Index first, Eigen::Index width, Eige
                                     Eigen::Index other_width) const {
   Eigen::MatrixXd result = gram_.block(first, other, width, other_width);
   if (size_ > 0) {
+    complete(first, width);
+    complete(other, other_width);
     result -= transpose_times(half_.block(0, first, size_, width),
                               half_.block(0, other, size_, other_width));
   }

@@ -50,6 +50,7 @@ class Elimination {
   std::vector<Member>::const_iterator find(std::size_t key) const;
   Local without_exactly(const Member& member) const;
   void reserve(Eigen::Index size);
+  void complete(Eigen::Index first, Eigen::Index width) const;
 
   const Eigen::MatrixXd& gram_;
   const Eigen::VectorXd& gradient_;
@@ -57,8 +58,11 @@ class Elimination {
   std::vector<Member> members_;  // in the order of their addition
   Eigen::Index size_ = 0;        // directions of all members
   Eigen::MatrixXd root_;         // L, lower triangle, of I + WᵀGW
-  Eigen::MatrixXd half_;         // L⁻¹ WᵀG, a column for each of G's
-  Eigen::VectorXd along_;        // L⁻¹ Wᵀ(Zᵀy)
+  // L⁻¹ WᵀG, a column for each of G's. Of each column only the first rows, as many as `known_`
+  // says, are those of the present members; complete() works out the others.
+  mutable Eigen::MatrixXd half_;
+  mutable std::vector<Eigen::Index> known_;
+  Eigen::VectorXd along_;  // L⁻¹ Wᵀ(Zᵀy)
 };
 
 }  // namespace armtrue
