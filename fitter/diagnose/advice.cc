@@ -145,7 +145,8 @@ void advise_missing(const Diagnosis& d, const Fit& fit, std::vector<std::string>
   const Robot& robot = fit.robot();
   const Candidate& best = *d.recommended();
   advice.push_back("add it: " + command_to_add(best.request));
-  std::ranges::move(line_advice(best.request, d.spectra, fit.context()), std::back_inserter(advice));
+  std::ranges::move(line_advice(best.request, d.spectra, fit.context()),
+                    std::back_inserter(advice));
   if (find_effect(best.request.effect).generic())
     advise_periods(d, best, fit.state().rows(), advice);
   for (const Candidate& other : d.candidates) {

@@ -169,8 +169,7 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Blo
     const Projected projected = project(fit, l, model, evidence.noise);
     SearchOptions search;
     // Wide problems are sampled for a shorter time.
-    search.sweeps =
-        last ? (model.width > kWideProblem ? options.sweeps / 3 : options.sweeps) : 0;
+    search.sweeps = last ? (model.width > kWideProblem ? options.sweeps / 3 : options.sweeps) : 0;
     if (!last) search.burn_in = 0;
     evidence.search = search_blocks(projected.problem, search);
     // One more round if the noise estimated by now favours another form than the initial noise did,

@@ -70,6 +70,12 @@ def test_formula_outside_the_catalogue_is_not_explained_away(arm: str, seed: int
     assert verdict_of(outcome) == "right", outcome
 
 
+def test_oval_tracker_circle_is_named() -> None:
+    # The advice took the orders of the circle for those of a gear: every diagnosis that recommended them crashed.
+    outcome = run_case("foreign_truth", "kr30", 34400)
+    assert (verdict_of(outcome), outcome.added) == ("right", {"tracker_angles"})
+
+
 @pytest.mark.parametrize(
     ("kind", "arm"),
     [

@@ -21,6 +21,7 @@ from armtrue.uncertainty import position_covariance
 from armtrue_sim import simulate
 from armtrue_sim.campaign import Campaign, csv_text
 from armtrue_sim.cases import hidden_cases
+from armtrue_sim.foreign import TRUTHS
 from armtrue_sim.kinds import KINDS
 
 RECORDED = Path(__file__).with_name("recorded.json")
@@ -68,12 +69,13 @@ SCENARIOS: dict[str, dict[str, Any]] = {
 
 
 def campaigns() -> dict[str, Callable[[], Campaign]]:
-    """Makers of all campaigns by name: one of each kind of hidden case, on the arms in turn, and SCENARIOS."""
+    """Makers of campaigns by name: each kind of hidden case, on the arms in turn, SCENARIOS, and each foreign truth."""
     made: dict[str, Callable[[], Campaign]] = {}
     for number, (kind, given) in enumerate(KINDS.items()):
         arm = given.arms[number % len(given.arms)]
         made[f"{kind} {arm}"] = lambda kind=kind, arm=arm: hidden_cases(kind, arm, 1).campaign
-    for name, scenario in SCENARIOS.items():
+    foreign = {name: {"arm": "kr30", "hidden": [name], "poses": 240, **TRUTHS[name].plan} for name in TRUTHS}
+    for name, scenario in {**SCENARIOS, **foreign}.items():
         plan = {**_FEW, "seed": 5, **scenario}
         plan.pop("model", None)
         made[name] = lambda plan=plan: simulate(plan)
@@ -98,7 +100,7 @@ def _said(name: str, campaign: Campaign, folder: Path) -> dict[str, Any]:
     diagnosis = armtrue.diagnose(believed)
     said: dict[str, Any] = {"believed": believed.document, "diagnosis": {**diagnosis, "error": None}}
     fits = [believed]
-    if not name.startswith(("foreign_truth", *SCENARIOS)):
+    if not name.startswith(("foreign_truth", *SCENARIOS, *TRUTHS)):
         fits.append(armtrue.fit(data, robot, armtrue.load_model(folder / "true.yaml", robot)))
         said["true"] = fits[-1].document
     fresh = {key: values for key, values in campaign.test.items() if key not in ("x", "y", "z")}

@@ -15,8 +15,9 @@
 namespace armtrue {
 namespace {
 
-// Costly blocks are visited in one of this many sweeps. A fixed order of visits does not change the
-// stationary distribution.
+// Costly blocks are visited in one of this many sweeps, and those that are present together and
+// first: all other columns are worked out again after a change of theirs. A fixed order of visits
+// does not change the stationary distribution.
 constexpr int kCostlyEvery = 8;
 // A block whose presence or absence was less probable than this at its last visit is visited as
 // rarely as costly ones.
@@ -161,6 +162,8 @@ void Sampler::sweep(int number, bool count) {
   std::vector<std::size_t> order(state_.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
   for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[generator_() % i]);
+  const auto is_heavy = [&](std::size_t b) { return block(b).costly && state_[b].is_present(); };
+  std::ranges::stable_partition(order, is_heavy);
   for (const std::size_t b : order) {
     const bool settled =
         state_[b].is_present() ? last_[b] > 1.0 - kImprobable : last_[b] < kImprobable;
@@ -168,7 +171,8 @@ void Sampler::sweep(int number, bool count) {
     // by changes since then: all blocks are visited until it has left.
     const bool seldom = (block(b).costly || settled) && !has_stranger();
     if (count) visits_[b] += 1.0;
-    if (seldom && (number + static_cast<int>(b)) % kCostlyEvery != 0) {
+    const int turn = is_heavy(b) ? number : number + static_cast<int>(b);
+    if (seldom && turn % kCostlyEvery != 0) {
       if (count && state_[b].is_present()) inclusion_[b] += 1.0;
       continue;
     }
