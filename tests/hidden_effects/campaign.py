@@ -2,8 +2,8 @@
 
 Groups: `table` (kept in docs/results.md), `real` (arms that differ from robot.yaml), `foreign` (truths whose form no
 effect has), `later` (each of the contract's later effects, ten seeds), `noise` (one joint that repeats badly), `pairs`
-(causes that look alike, three seeds; kept in docs/effects.md), `each` (one case of every kind, the arms in turn;
-`./dev test full` runs it under sanitizers). Ends with status 1 if a command hung or failed.
+(causes that look alike, three seeds; kept in docs/effects.md), `each` (one case of every kind and foreign
+truth, the arms in turn; `./dev test full` runs it under sanitizers). Ends with status 1 if a command hung or failed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from typing import Any
 import noise_parts
 import pairs
 import reliability
+from armtrue_sim.cases import hidden_cases
 from armtrue_sim.errors import ScenarioError
+from armtrue_sim.foreign import TRUTHS
 from armtrue_sim.kinds import ARMS, KINDS, PAIR_KINDS
 from armtrue_sim.presets import PRESETS
 from harness import Outcome, Settings, run_case, verdict_of
@@ -87,11 +89,17 @@ def seeds_of(kind: str, given: argparse.Namespace) -> range:
 
 
 def cases_of(kind: str, given: argparse.Namespace) -> list[tuple[str, int]]:
-    """Arms and seeds; in the group `each` one case, the arms taken in turn from kind to kind."""
+    """Arms and seeds; in the group `each` one case, or one of each foreign truth, the arms in turn from kind to kind."""
     seeds = seeds_of(kind, given)
     arms = VARIED_ARMS if given.variants and KINDS[kind].arms == ARMS else KINDS[kind].arms
     if given.group == "each":
-        return [(arms[list(KINDS).index(kind) % len(arms)], seeds[0])]
+        arm = arms[list(KINDS).index(kind) % len(arms)]
+        found: dict[str, int] = {}  # the first seed of each truth
+        seed = seeds[0]
+        while KINDS[kind].source == "truths" and len(found) < len(TRUTHS):
+            found.setdefault(hidden_cases(kind, arm, seed).hidden[0].effect, seed)
+            seed += 1
+        return [(arm, seed) for seed in found.values() or seeds[:1]]
     return [(arm, seed) for arm in arms for seed in seeds]
 
 
