@@ -89,7 +89,7 @@ def seeds_of(kind: str, given: argparse.Namespace) -> range:
 
 
 def cases_of(kind: str, given: argparse.Namespace) -> list[tuple[str, int]]:
-    """Arms and seeds; in the group `each` one case, or one of each foreign truth, the arms in turn from kind to kind."""
+    """Arms and seeds; in the group `each` one case, or one of each foreign truth, on the arms in turn."""
     seeds = seeds_of(kind, given)
     arms = VARIED_ARMS if given.variants and KINDS[kind].arms == ARMS else KINDS[kind].arms
     if given.group == "each":
