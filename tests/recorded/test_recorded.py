@@ -1,15 +1,15 @@
-"""Results of the fitter are those that were recorded (recording.py): a change of any is meant, or a fault."""
+"""Results of the fitter are those that were recorded (fitter_results.py): a change of any is meant, or a fault."""
 
 from __future__ import annotations
 
 import json
 from typing import Any
 
+import fitter_results
 import numpy as np
 import pytest
-import recording
 
-RECORDED = json.loads(recording.RECORDED.read_text())
+RECORDED = json.loads(fitter_results.RECORDED.read_text())
 # Relative to the RMS of an entry. Kernels of OpenBLAS for other processors differ by up to 2e-3.
 SAME = 3e-3
 
@@ -34,15 +34,15 @@ def _same(found: list[float] | None, expected: list[float] | None) -> bool:
     )
 
 
-@pytest.mark.parametrize("name", recording.campaigns())
+@pytest.mark.parametrize("name", fitter_results.campaigns())
 def test_results_are_those_recorded(name: str) -> None:
-    assert differences(recording.summary(name), RECORDED[name]) == []
+    assert differences(fitter_results.summary(name), RECORDED[name]) == []
 
 
 def test_comparison_sees_each_difference() -> None:
     said = {"errors": [1.0, 2.0, 3.0, 4.0], "words": ["bent by 3 µm"]}
-    recorded = dict(recording.summarised(said))
-    assert differences(dict(recording.summarised(said)), recorded) == []
+    recorded = dict(fitter_results.summarised(said))
+    assert differences(dict(fitter_results.summarised(said)), recorded) == []
     for changed in (
         {"errors": [1.1, 2.0, 3.0, 4.0], "words": ["bent by 3 µm"]},
         {"errors": [1.0, 2.0, 3.0], "words": ["bent by 3 µm"]},
@@ -50,5 +50,5 @@ def test_comparison_sees_each_difference() -> None:
         {"errors": [1.0, 2.0, 3.0, 4.0], "words": ["tilted by 3 µm"]},
         {"errors": [1.0, 2.0, 3.0, 4.0]},
     ):
-        assert len(differences(dict(recording.summarised(changed)), recorded)) == 1, changed
-    assert dict(recording.summarised(said | {"words": ["bent by 4 µm"]})) == recorded
+        assert len(differences(dict(fitter_results.summarised(changed)), recorded)) == 1, changed
+    assert dict(fitter_results.summarised(said | {"words": ["bent by 4 µm"]})) == recorded

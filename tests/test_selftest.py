@@ -7,11 +7,10 @@ from collections import deque
 
 import can
 import pytest
-from typer.testing import CliRunner
-
 from armtrue.cli.app import app
 from armtrue.device import connection
 from armtrue.device.compensator import SELF_TESTS
+from typer.testing import CliRunner
 
 _RUN, _FAILED = b"\x30\x20\x01", b"\x30\x20\x03"
 _PRODUCT = b"\x18\x10\x02"
