@@ -126,8 +126,12 @@ def summarised(document: Any) -> Iterator[tuple[str, Any]]:
             texts.setdefault(path, []).append(_DIGITS.sub("#", value))
         else:
             number = math.nan if value is None else float(value)
-            # A search by sampling knows small probabilities badly.
-            numbers.setdefault(path, []).append(round(number, 3) if path.endswith("probability") else number)
+            # A search by sampling knows small probabilities badly, and an eigenvector has no sign.
+            if "probability" in path:
+                number = round(number, 3)
+            elif path.endswith("/component"):
+                number = abs(number)
+            numbers.setdefault(path, []).append(number)
     for path, values in sorted(numbers.items()):
         known = np.array([value for value in values if math.isfinite(value)])
         rms = float(np.sqrt(np.mean(known**2))) if known.size else 0.0
@@ -138,11 +142,11 @@ def summarised(document: Any) -> Iterator[tuple[str, Any]]:
         yield f"{path} (text)", [len(words), zlib.crc32("\n".join(sorted(words)).encode())]
 
 
-# Entries that repeat the input or another entry.
+# Entries that repeat the input or another entry, or that rounding decides.
 _LEFT_OUT = frozenset(
     {
         *("robot", "format", "version", "data", "options", "priors", "cross_validation"),
-        *("p95_um", "n", "folds", "seed"),
+        *("p95_um", "n", "folds", "seed", "iterations"),
     }
 )
 
