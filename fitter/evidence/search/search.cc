@@ -163,7 +163,7 @@ void Sampler::sweep(int number, bool count) {
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
   for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[generator_() % i]);
   const auto is_heavy = [&](std::size_t b) { return block(b).costly && state_[b].is_present(); };
-  std::ranges::stable_partition(order, is_heavy);
+  std::stable_partition(order.begin(), order.end(), is_heavy);
   for (const std::size_t b : order) {
     const bool settled =
         state_[b].is_present() ? last_[b] > 1.0 - kImprobable : last_[b] < kImprobable;
