@@ -22,10 +22,14 @@ constexpr double kByChance = 2.0;
 // random falls by this share, and the mean over poses held out at random, in time and by region
 // grows by no more than chance explains.
 constexpr double kWorthNodes = 1e-2;
-// Candidates that are fitted, one after the other, to explain a structure without a name.
-constexpr std::size_t kTriedForStructure = 3;
-// The cause of a structure explains alone at least this share of what its smooth function does. To
-// fit a candidate and search beside it takes as long as all searches before.
+// Candidates that are fitted, one after the other, to explain a structure without a name; they
+// explain in a linearised search at least kMightExplain of what the structure's smooth function
+// does.
+constexpr std::size_t kFittedForStructure = 6;
+constexpr double kMightExplain = 0.3;
+// Of these, so many are searched beside, which takes as long as all searches before. The cause of a
+// structure explains, once it is fitted, at least kExplainsStructure of what the function does.
+constexpr int kTriedForStructure = 3;
 constexpr double kExplainsStructure = 0.8;
 // Candidates of one search from which moves are taken.
 constexpr std::size_t kLookedThrough = 60;
@@ -131,7 +135,7 @@ class Refinement {
 
   std::vector<RefineStep> run() {
     search();
-    if (!explain_structure()) refine_tables();
+    if (!explain_structure() && !explain_without_superfluous()) refine_tables();
     for (int pass = 0; pass < kSettlingPasses && !settle(); ++pass) search();
     show();
     return std::move(steps_);
@@ -170,6 +174,7 @@ class Refinement {
   Trial trial_of(const Move& move, std::size_t number, const Trial* on_top_of) const;
   bool one_round();
   bool explain_structure();
+  bool explain_without_superfluous();
   std::vector<Trial> next_trials(const std::vector<Move>& moves, std::size_t& next) const;
   void refine_tables();
   void fit_trials(std::vector<Trial>& trials, bool keeps_weights = false) const;
@@ -189,6 +194,7 @@ class Refinement {
   Observer& observer_;
   std::vector<EffectRequest> initial_;
   std::vector<RefineStep> steps_;
+  bool removes_beside_structure_ = false;
   bool is_diagnosed_ = true;        // the last step, by a search for its own fit
   std::shared_ptr<Fit> settled_;    // the last fit that was solved from the beginning
   std::set<std::string> taken_;     // models of all steps so far; none is taken twice
@@ -358,7 +364,12 @@ std::vector<Refinement::Trial> Refinement::next_trials(const std::vector<Move>& 
 // Makes the sure moves of one search or, if none is accepted, the first other one that is. Returns
 // false if no move was made.
 bool Refinement::one_round() {
-  const std::vector<Move> moves = moves_of(steps_.back().diagnosis);
+  const Diagnosis& d = steps_.back().diagnosis;
+  std::vector<Move> moves = moves_of(d);
+  // Beside an unexplained structure an effect can seem superfluous because the structure's smooth
+  // function does what the effect does: a balancer, if it is what the structure comes from.
+  if (d.verdict == Verdict::kUnexplainedStructure && !removes_beside_structure_)
+    std::erase_if(moves, [](const Move& move) { return !move.removed.empty(); });
   bool moved = false;
   for (std::size_t next = 0; next < moves.size() && !is_full();) {
     if (moved && !moves[next].sure) return true;
@@ -379,10 +390,10 @@ bool Refinement::one_round() {
 // A search linearises each effect about the present fit. That can be wrong: how far a base that
 // tilts under load moves the tool depends on the base's height, which an arm with vertical axes
 // does not show without the tilt. If a search leaves a structure unexplained, the candidates that
-// explain most alone are therefore fitted, and the search continues from each. The first one that
-// is sure in the end, with no structure left, is kept; returns true then. Not beside a grid, which
-// follows any function of its joints: there any effect that compensates the size of its cells would
-// be sure.
+// explain most alone are therefore fitted, and the search continues from those that then explain
+// the structure. The first one that is probable in the end, with no structure left, is kept;
+// returns true then. Not beside a grid, which follows any function of its joints: there any effect
+// that compensates the size of its cells would be probable.
 bool Refinement::explain_structure() {
   const Diagnosis& left = steps_.back().diagnosis;
   const int steps_left = options_.most_steps - static_cast<int>(steps_.size());
@@ -390,15 +401,18 @@ bool Refinement::explain_structure() {
   if (left.verdict != Verdict::kUnexplainedStructure || steps_left < 0 || !left_out_.empty() ||
       has_grid(steps_.back().fit->model()))
     return false;
+  const BlockScore structure =
+      left.unexplained().empty() ? BlockScore{} : left.unexplained().front().score;
   std::vector<const Candidate*> nearest;
-  const double wanted =
-      left.unexplained().empty() ? 0.0 : kExplainsStructure * left.unexplained().front().score.gain;
   for (const Candidate& c : left.candidates) {
-    if (!is_table(c) && c.delta_bic < kShowsAlone && c.score.gain > wanted) nearest.push_back(&c);
+    if (!is_table(c) && c.delta_bic < kShowsAlone && c.score.gain > kMightExplain * structure.gain)
+      nearest.push_back(&c);
   }
   std::ranges::stable_sort(nearest, {}, &Candidate::delta_bic);
-  if (nearest.size() > kTriedForStructure) nearest.resize(kTriedForStructure);
+  if (nearest.size() > kFittedForStructure) nearest.resize(kFittedForStructure);
+  const double before = steps_.back().fit->train_error().rms;
   const RefineOptions unseen{steps_left, {}, {}};
+  int tried = 0;
   for (const Candidate* c : nearest) {
     Move move{*c, {}};
     for (const Candidate& other : left.candidates) {
@@ -409,8 +423,11 @@ bool Refinement::explain_structure() {
     if (taken_.contains(trial.front().specification.to_json().dump())) continue;
     fit_trials(trial);
     if (!trial.front().fit) continue;
+    const double share = 1.0 - std::pow(trial.front().fit->train_error().rms / before, 2);
+    if (share < kExplainsStructure * structure.explained) continue;
+    if (++tried > kTriedForStructure) break;
     const auto explains = [&](const Diagnosis& d) {
-      return !d.has_structure() && probability_of_set(d, *move.added) >= kSurely;
+      return !d.has_structure() && probability_of_set(d, *move.added) > kMoreLikelyThanNot;
     };
     Refinement beside(trial.front().fit, unseen, observer_, initial_);
     if (!explains(beside.steps_.front().diagnosis)) continue;
@@ -425,6 +442,14 @@ bool Refinement::explain_structure() {
     return true;
   }
   return false;
+}
+
+// Removes what seems superfluous beside a structure that no candidate explained, and tries again.
+bool Refinement::explain_without_superfluous() {
+  removes_beside_structure_ = true;
+  const std::size_t steps = steps_.size();
+  search();
+  return steps_.size() > steps && explain_structure();
 }
 
 // Tries tables with more nodes and keeps those that predict held-out poses better.
