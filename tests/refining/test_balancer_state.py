@@ -13,8 +13,8 @@ from armtrue_sim.cases import hidden_cases
 @pytest.mark.parametrize(("arm", "seed"), [("kr30", 33301), ("irb2400", 33500), ("irb2400", 34402)])
 def test_state_of_the_balancer_corrects_the_balancer(arm: str, seed: int, tmp_path: Path) -> None:
     # The fit kept the balancer's geometry from before, when friction hid it: 7 um remained, and the verdict was an
-    # unexplained structure of q2*dir2. In the third case the structure stood for the whole balancer, which was removed as
-    # superfluous before its state was tried, and 40 um remained.
+    # unexplained structure of q2*dir2. In the third case the structure stood for the whole balancer, which was removed
+    # as superfluous before its state was tried, and 40 um remained.
     hidden_cases("later_balancer_state", arm, seed).campaign.write(tmp_path)
     robot = load_robot(tmp_path / "robot.yaml")
     first = fit(load_data(tmp_path / "data.csv", robot), robot, load_model(tmp_path / "model.yaml", robot))
