@@ -359,6 +359,7 @@ bool Builder::work_out(EvidenceBlock& block) const {
 }
 
 void Builder::make_columns() {
+  Eigen::Index width = 0;
   std::vector<EvidenceBlock> used;
   std::vector<char> stands(model_.blocks.size());
   in_parallel(model_.blocks.size(), [&](std::size_t b) {
@@ -371,9 +372,9 @@ void Builder::make_columns() {
     block.search.present = block.present;
     block.search.replaceable = block.present && !block.believed;
     block.search.counts = !block.structure;
-    block.search.first = model_.width;
+    block.search.first = width;
     block.search.width = block.columns.cols();
-    model_.width += block.columns.cols();
+    width += block.columns.cols();
     used.push_back(std::move(block));
   }
   model_.blocks = std::move(used);

@@ -53,9 +53,13 @@ struct EvidenceModel {
   Eigen::MatrixXd base_precision;  ///< precision of their prior
   Eigen::VectorXd base_pull;       ///< gradient of that prior at the present values
   double base_pull_squares = 0.0;
-  Eigen::Index width = 0;  ///< columns of all blocks
   Eigen::VectorXd y;  ///< to explain: by changes of base from present values, by blocks from zero
   std::vector<EvidenceBlock> blocks;
+
+  /// Number of columns of all blocks.
+  Eigen::Index width() const {
+    return blocks.empty() ? 0 : blocks.back().search.first + blocks.back().search.width;
+  }
 };
 
 /// Blocks that may enter the fit (from the catalogue) and blocks that may leave it, without

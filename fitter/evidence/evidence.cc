@@ -59,7 +59,7 @@ void keep_what_unknown_loads_cannot_do(const std::vector<EvidenceBlock>& blocks,
 // Whitens all columns and projects out the base with its prior.
 Projected project(const Fit& fit, const Linearization& l, const EvidenceModel& model,
                   const NoiseParts& noise) {
-  const Eigen::Index base = model.base.cols(), width = model.width;
+  const Eigen::Index base = model.base.cols(), width = model.width();
   Eigen::MatrixXd all(model.y.size(), base + width + 1);
   all.leftCols(base) = model.base;
   in_parallel(model.blocks.size(), [&](std::size_t b) {
@@ -162,14 +162,14 @@ EvidenceSummary weigh_evidence(Fit& fit, const Linearization& l, std::vector<Blo
 
   EvidenceSummary evidence;
   evidence.noise = broad_noise(l, l.residual);
-  int rounds = model.width > kWideProblem ? kRounds - 1 : kRounds;
+  int rounds = model.width() > kWideProblem ? kRounds - 1 : kRounds;
   bool repeated = false;
   for (int round = 0; round < rounds; ++round) {
     bool last = round + 1 == rounds;
     const Projected projected = project(fit, l, model, evidence.noise);
     SearchOptions search;
     // Wide problems are sampled for a shorter time.
-    search.sweeps = last ? (model.width > kWideProblem ? options.sweeps / 3 : options.sweeps) : 0;
+    search.sweeps = last ? (model.width() > kWideProblem ? options.sweeps / 3 : options.sweeps) : 0;
     if (!last) search.burn_in = 0;
     evidence.search = search_blocks(projected.problem, search);
     // One more round if the noise estimated by now favours another form than the initial noise did,

@@ -43,8 +43,8 @@ Menu make_menu(const Robot& robot, const Pose& flange_from_tool, const Cell& cel
 std::vector<std::vector<bool>> sessions(const Menu& menu);
 
 /// Order in which to run the rows of one session. Time goes forward and every temperature comes
-/// once; within that the payload, which takes a crane, is changed as rarely as possible; rows with
-/// one payload follow from each pose to the nearest of those left.
+/// once. Between rows of one time and temperature the payload is changed as rarely as possible, as
+/// that takes a crane. Of rows with the same payload, each is followed by the nearest pose left.
 std::vector<std::size_t> run_order(const Menu& menu, const Robot& robot,
                                    const std::vector<std::size_t>& rows);
 

@@ -22,13 +22,14 @@ constexpr double kByChance = 2.0;
 // random falls by this share, and the mean over poses held out at random, in time and by region
 // grows by no more than chance explains.
 constexpr double kWorthNodes = 1e-2;
-// Candidates that are fitted, one after the other, to explain a structure without a name; they
-// explain in a linearised search at least kMightExplain of what the structure's smooth function
-// does.
+// At most this many candidates are fitted to explain a structure without a name: those that explain
+// in the search, which is linear, at least kMightExplain of what the structure's smooth function
+// explains.
 constexpr std::size_t kFittedForStructure = 6;
 constexpr double kMightExplain = 0.3;
-// Of these, so many are searched beside, which takes as long as all searches before. The cause of a
-// structure explains, once it is fitted, at least kExplainsStructure of what the function does.
+// At most this many of them are followed by a search beside them, which takes as long as all
+// searches before: those that explain, once fitted, at least kExplainsStructure of what the
+// function explains.
 constexpr int kTriedForStructure = 3;
 constexpr double kExplainsStructure = 0.8;
 // Candidates of one search from which moves are taken.
@@ -194,11 +195,11 @@ class Refinement {
   Observer& observer_;
   std::vector<EffectRequest> initial_;
   std::vector<RefineStep> steps_;
-  bool removes_beside_structure_ = false;
-  bool is_diagnosed_ = true;        // the last step, by a search for its own fit
-  std::shared_ptr<Fit> settled_;    // the last fit that was solved from the beginning
-  std::set<std::string> taken_;     // models of all steps so far; none is taken twice
-  std::set<std::string> refused_;   // models tried since the last search and not taken
+  bool removes_beside_structure_ = false;  // no candidate explained it
+  bool is_diagnosed_ = true;               // the last step, by a search for its own fit
+  std::shared_ptr<Fit> settled_;           // the last fit that was solved from the beginning
+  std::set<std::string> taken_;            // models of all steps so far; none is taken twice
+  std::set<std::string> refused_;          // models tried since the last search and not taken
   std::set<std::string> left_out_;  // keys (key_of) of what the last step recommended in vain
   std::set<std::string> gone_;      // effects that were removed: one that gains about as much as it
                                     // costs would enter and leave with every other change
@@ -367,7 +368,8 @@ bool Refinement::one_round() {
   const Diagnosis& d = steps_.back().diagnosis;
   std::vector<Move> moves = moves_of(d);
   // Beside an unexplained structure an effect can seem superfluous because the structure's smooth
-  // function does what the effect does: a balancer, if it is what the structure comes from.
+  // function takes over what the effect explains. A balancer was, when its state was what is
+  // missing.
   if (d.verdict == Verdict::kUnexplainedStructure && !removes_beside_structure_)
     std::erase_if(moves, [](const Move& move) { return !move.removed.empty(); });
   bool moved = false;

@@ -120,7 +120,7 @@ def argument_of(candidate: str) -> str:
 
 _CANDIDATE = re.compile(
     r"(?P<effect>\w+)(?:[ :](?P<joints>\d+(?:[ ,]\d+)*))?"
-    r"(?:[ :](?P<option>cycles|orders|wavelengths)[ =]\[?(?P<values>\d[-+.\de]*(?:,\d[-+.\de]*)*)\]?)?"
+    rf"(?:[ :](?P<option>{'|'.join(_LISTS)})[ =]\[?(?P<values>\d[-+.\de]*(?:,\d[-+.\de]*)*)\]?)?"
     r"(?:[ :]sensor[ =](?P<sensor>.+))?"
 )
 

@@ -1,7 +1,8 @@
-"""What the fitter says of small campaigns, in a few figures for each entry of its documents.
+"""Results of the fitter for small simulated campaigns: fits, predictions with covariance, diagnoses and plans.
 
-`./dev record` writes them to recorded.json; test_recorded.py compares. A change that is meant to alter a result is
-committed with the new file: its diff shows what else it alters.
+Each key of a result's JSON is summarised in a few figures. `./dev record` writes them to recorded.json, and
+test_recorded.py compares. A change that is meant to alter a result is committed with the new file, whose diff shows
+what else it alters.
 """
 
 from __future__ import annotations
@@ -98,7 +99,8 @@ def _said(name: str, campaign: Campaign, folder: Path) -> dict[str, Any]:
     data = armtrue.load_data(folder / "data.csv", robot)
     believed = armtrue.fit(data, robot, armtrue.load_model(folder / "model.yaml", robot))
     diagnosis = armtrue.diagnose(believed)
-    said: dict[str, Any] = {"believed": believed.document, "diagnosis": {**diagnosis, "error": None}}
+    said: dict[str, Any] = {"believed": believed.document, "diagnosis": diagnosis}
+    del diagnosis["error"]  # that of the fit
     fits = [believed]
     if not name.startswith(("foreign_truth", *SCENARIOS, *TRUTHS)):
         fits.append(armtrue.fit(data, robot, armtrue.load_model(folder / "true.yaml", robot)))

@@ -65,12 +65,8 @@ class GearMesh final : public Effect {
   }
 
   std::vector<double> tried_lines(const EffectContext& context, int joint) const override {
-    std::vector<double> lines;
-    const double turn = turn_of(context, joint);
-    if (turn <= 0.0) return lines;
-    for (const double order : known_orders(context, joint))
-      lines.push_back(context.prismatic(joint) ? order / turn : order * turn);
-    return lines;
+    if (turn_of(context, joint) <= 0.0) return {};
+    return lines(context, {id(), {joint}, {{"orders", known_orders(context, joint)}}});
   }
 
   EffectTerms build(const EffectContext& context, const EffectRequest& request) const override {

@@ -56,7 +56,8 @@ void Elimination::reserve(Eigen::Index size) {
   along_.conservativeResize(room);
 }
 
-// Most changes of the members are followed by a look at a few columns only.
+// Works out the missing rows of `width` columns of half_ from `first` on. After most changes of the
+// members only a few columns are looked at, so that the others need not be worked out.
 void Elimination::complete(Eigen::Index first, Eigen::Index width) const {
   const auto begin = known_.begin() + first;
   const Eigen::Index from = *std::min_element(begin, begin + width), rest = size_ - from;

@@ -15,9 +15,9 @@
 namespace armtrue {
 namespace {
 
-// Costly blocks are visited in one of this many sweeps, and those that are present together and
-// first: all other columns are worked out again after a change of theirs. A fixed order of visits
-// does not change the stationary distribution.
+// Costly blocks are visited in one of this many sweeps. Those that are present are all visited in
+// the same sweep, before the other blocks, because after each change of one all other columns are
+// worked out again. A fixed order of visits does not change the stationary distribution.
 constexpr int kCostlyEvery = 8;
 // A block whose presence or absence was less probable than this at its last visit is visited as
 // rarely as costly ones.
@@ -162,8 +162,10 @@ void Sampler::sweep(int number, bool count) {
   std::vector<std::size_t> order(state_.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
   for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[generator_() % i]);
-  const auto is_heavy = [&](std::size_t b) { return block(b).costly && state_[b].is_present(); };
-  std::stable_partition(order.begin(), order.end(), is_heavy);
+  const auto is_costly_and_present = [&](std::size_t b) {
+    return block(b).costly && state_[b].is_present();
+  };
+  std::stable_partition(order.begin(), order.end(), is_costly_and_present);
   for (const std::size_t b : order) {
     const bool settled =
         state_[b].is_present() ? last_[b] > 1.0 - kImprobable : last_[b] < kImprobable;
@@ -171,7 +173,7 @@ void Sampler::sweep(int number, bool count) {
     // by changes since then: all blocks are visited until it has left.
     const bool seldom = (block(b).costly || settled) && !has_stranger();
     if (count) visits_[b] += 1.0;
-    const int turn = is_heavy(b) ? number : number + static_cast<int>(b);
+    const int turn = is_costly_and_present(b) ? number : number + static_cast<int>(b);
     if (seldom && turn % kCostlyEvery != 0) {
       if (count && state_[b].is_present()) inclusion_[b] += 1.0;
       continue;

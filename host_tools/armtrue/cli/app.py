@@ -24,7 +24,7 @@ READER_GONE = 141
 
 
 class _Commands(GuardedGroup):
-    """All commands: the module of each, and its line of the help; a module is imported when its command runs."""
+    """The commands of `armtrue`: the module of each, and its line in the list of commands."""
 
     homes: ClassVar[dict[str, tuple[str, str]]] = {
         "init": (

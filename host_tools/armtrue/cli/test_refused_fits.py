@@ -152,7 +152,7 @@ def test_value_within_two_sigma_of_its_bound_is_not_called_outside(value, sigma,
 
 @pytest.fixture
 def spoilt(folder, tmp_path):
-    """A copy of the campaign with one cell of row 5 that is not a number."""
+    """A copy of the campaign in which one cell of row 5 is a word."""
     shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     lines = (folder / "data.csv").read_text().splitlines()
     lines[4] = "oops," + lines[4].partition(",")[2]

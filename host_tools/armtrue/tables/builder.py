@@ -28,7 +28,8 @@ LARGEST_RECIPROCAL = 64.0
 STEEP = 5e-4
 # Bits by which a SCALE node can shift a slot up: its mantissa has 31 bits and a sign.
 _MOST_GAIN = 30
-# Waves of these orders over a link angle need no node: the state has its sine and cosine, which give both.
+# A wave of order 1 or 2 over a link angle needs no node: the state has the sine and cosine of every link angle, from
+# which those of twice the angle follow.
 _SLOW_ORDERS = (2**layout.ORDER_FRACTION, 2 * 2**layout.ORDER_FRACTION)
 # Sums on a coordinate saturate here [rad, m].
 LARGEST_TERM = 0.5

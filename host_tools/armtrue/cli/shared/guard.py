@@ -101,7 +101,7 @@ def _list_commands(group: click.Group, ctx: click.Context, formatter: click.Help
 
 
 class GuardedGroup(typer.core.TyperGroup):
-    """The group of all commands; this module checks their arguments before any of them begins.
+    """A group of commands that are imported when they run, and whose arguments are checked before they begin.
 
     `homes`: command → its module in `cli`, imported when the command runs, with the name there if another than the
     command's; and its line of the help.
@@ -186,7 +186,7 @@ def _guard(name: str, command: click.Command) -> None:
 
     def invoke(ctx: click.Context) -> Any:
         _refuse_not_finite(command, ctx.params)
-        # Typer converts arguments to paths only when it calls the command's function.
+        # `ctx.params` still has texts: Typer converts them to paths when it calls the command's function.
         files = {key: _paths(value) for key, value in ctx.params.items() if key in named}
         _refuse_clashes(name, defaultdict(list, files))
         return run(ctx)
